@@ -56,6 +56,8 @@ pub mod mesh;
 #[doc(hidden)]
 pub mod partition;
 #[doc(hidden)]
+pub mod lend;
+#[doc(hidden)]
 pub mod topology;
 #[cfg(feature = "images")]
 #[doc(hidden)]

@@ -53,6 +53,9 @@ def simplify(
     resume: Resume = "auto",
     keep_work: bool = False,
     no_sync: bool = False,
+    task_runner: str | None = None,
+    tasks: int | None = None,
+    task_tries: int | None = None,
     force: bool = False,
     report: PathLike | Sequence[PathLike] = (),
     measure: bool = False,
@@ -86,6 +89,9 @@ def simplify(
         resume=resume,
         keep_work=keep_work,
         no_sync=no_sync,
+        task_runner=task_runner,
+        tasks=tasks,
+        task_tries=task_tries,
         force=force,
         report=paths(report),
         measure=measure,
@@ -110,6 +116,9 @@ def tile(
     resume: Resume = "auto",
     keep_work: bool = False,
     no_sync: bool = False,
+    task_runner: str | None = None,
+    tasks: int | None = None,
+    task_tries: int | None = None,
     force: bool = False,
     progress: Progress = None,
     stop: _native.Stop | None = None,
@@ -129,11 +138,17 @@ def tile(
         resume=resume,
         keep_work=keep_work,
         no_sync=no_sync,
+        task_runner=task_runner,
+        tasks=tasks,
+        task_tries=task_tries,
         force=force,
     )
     _, value = call(["tile", *_output(output), *flags(given), "--", *paths(input)], progress, stop)
     _warn(value["warnings"])
     return TileReport.from_dict(value)
+
+
+OF_PLAN = {"ratio", "face_count", "max_error", "machines", "shared_bandwidth"}
 
 
 @overload
@@ -148,6 +163,8 @@ def plan(
     memory: Size | None = None,
     threads: int | None = None,
     work: PathLike | None = None,
+    machines: int | None = None,
+    shared_bandwidth: Size | None = None,
     progress: Progress = None,
     stop: _native.Stop | None = None,
     **options: Unpack[FileOptions],
@@ -178,7 +195,7 @@ def plan(
 
     Reads the input once and writes nothing. Takes the options of these calls that shape the job.
     """
-    of_kind = {"tile_faces", "tile_side"} if tile else FILE_KEYS | {"ratio", "face_count", "max_error"}
+    of_kind = {"tile_faces", "tile_side"} if tile else FILE_KEYS | OF_PLAN
     refuse_unknown("plan", options, of_kind | {"exclude", "memory", "threads", "work"})
     options = dict(options, exclude=texts(options.get("exclude", ())), work=_path(options.get("work")))
     arguments = ["plan", *(["--tile"] if tile else []), *flags(options), "--", *paths(input)]

@@ -40,6 +40,9 @@ class Options(Record):
     keep_work: bool
     no_sync: bool
     force: bool
+    task_runner: str | None
+    tasks: int
+    task_tries: int
     cluster_faces: int
     passes: int
     metric: str | None
@@ -549,6 +552,17 @@ class PlannedSeconds(Record):
 
 
 @dataclass(frozen=True)
+class PlannedMachines(Record):
+    """What several machines would bring, in seconds; the bandwidth in bytes a second."""
+
+    machines: int
+    bandwidth: int | None
+    seconds: float
+    seconds_of_one: float
+    seconds_with_own_disk: float
+
+
+@dataclass(frozen=True)
 class Plan(Record):
     """What `drystone.plan` predicts of a simplification."""
 
@@ -563,6 +577,7 @@ class Plan(Record):
     scratch: Scratch
     output_bytes: int
     seconds: PlannedSeconds
+    machines: PlannedMachines | None
     warnings: tuple[str, ...]
 
 
@@ -748,6 +763,17 @@ class BakeStatus(Record):
 
 
 @dataclass(frozen=True)
+class StageStatus(Record):
+    """How far the tasks are that other processes do."""
+
+    kind: str
+    tasks: int
+    tasks_done: int
+    tasks_failed: int
+    last_failure: str | None
+
+
+@dataclass(frozen=True)
 class Status(Record):
     """What an unfinished job has done, or a finished one whose work folder was kept."""
 
@@ -763,6 +789,7 @@ class Status(Record):
     passes_done: int
     triangles_left: int | None
     pass_: PassStatus | None
+    stage: StageStatus | None
     bake: BakeStatus | None
     written: bool
     last_error: str | None

@@ -20,7 +20,9 @@
 mod canvas;
 mod catalogue;
 mod closest;
+mod crew;
 mod density;
+pub mod lend;
 mod nearby;
 mod original;
 mod paint;

@@ -86,7 +86,7 @@ impl OriginalSurface {
 }
 
 /// The surface of the input and its images, ready to be searched.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Original {
     /// Its cells.
     pub surface: SurfaceCells,
@@ -101,6 +101,21 @@ pub struct Original {
     pub area: f64,
     /// Number of its triangles.
     pub face_count: u64,
+}
+
+impl Recalled for Original {
+    type Context<'a> = ();
+
+    fn locate(&mut self, folder: &Path, (): &()) {
+        self.surface.locate(folder);
+        self.images.iter_mut().flatten().for_each(|image| image.locate(folder));
+    }
+
+    fn is_sound(&self, (): &()) -> bool {
+        self.surface.is_sound()
+            && self.images.iter().flatten().all(StoredImage::is_sound)
+            && self.pixels.len() == self.images.len()
+    }
 }
 
 /// Where the colours of a triangle come from.

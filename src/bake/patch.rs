@@ -13,6 +13,7 @@ use crate::base::id::TiVec;
 use crate::base::{Progress, Result};
 use crate::file::codec;
 use crate::image::encode::encode;
+use crate::job::Recalled;
 use crate::mesh::ClusterMesh;
 use crate::mesh::id::{FaceId, LocalVertex, Wedge};
 use crate::model::StoredPiece;
@@ -42,6 +43,34 @@ pub(super) struct BakedPatch {
     /// Texels that charts cover, and those of them without colour.
     pub covered: u64,
     pub colourless: u64,
+}
+
+impl BakedPatch {
+    /// Adds what was baked of a further part; pieces are added separately.
+    pub(super) fn add(&mut self, other: Self) {
+        self.images.extend(other.images);
+        self.charts += other.charts;
+        self.shrunk += other.shrunk;
+        self.covered += other.covered;
+        self.colourless += other.colourless;
+    }
+}
+
+impl Recalled for BakedPatch {
+    type Context<'a> = ();
+
+    fn locate(&mut self, folder: &Path, (): &()) {
+        self.pieces.iter_mut().for_each(|piece| piece.locate(folder));
+        for image in &mut self.images {
+            if let Some(name) = image.path.file_name() {
+                image.path = folder.join(name);
+            }
+        }
+    }
+
+    fn is_sound(&self, (): &()) -> bool {
+        self.pieces.iter().all(StoredPiece::is_sound) && self.images.iter().all(|image| image.path.is_file())
+    }
 }
 
 /// Unwraps and paints patches.

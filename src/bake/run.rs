@@ -5,20 +5,20 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::catalogue::image_catalogue;
+use super::crew::{PatchCrew, piece_path};
+use super::lend::{BAKE, can_lend, usual_arithmetic};
 use super::original::{Original, OriginalSurface};
 use super::painters::PAINTER_BYTES;
-use super::patch::{BakedImage, BakedPatch, PatchBaker, PatchSettings, TexturedPatch};
+use super::patch::{BakedImage, BakedPatch, PatchBaker, PatchSettings};
 use super::settings::{BakePlace, BakeSettings};
 use super::steps::{BakeStep, PATCHES, SURFACE};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Permits, Result, WorkLimits, bytes};
 use crate::job::{Recalled, Step, StepKey};
-use crate::mesh::ClusterMesh;
+use crate::lend::{Lendable, LentClusters, encoded, lend};
 use crate::model::{Catalogue, StoredMesh, StoredPiece};
 use crate::os::system;
-use crate::partition::{
-    self, ClusterId, ClusterSource, Partition, PartitionOptions, TextureScale, cluster, heavy, write_shared,
-};
+use crate::partition::{self, ClusterId, Partition, PartitionOptions, PieceContent, TextureScale, write_shared};
 
 /// Share of an image that charts are taken to fill, when the size of a patch is chosen.
 const FILL: f64 = 0.55;
@@ -87,23 +87,6 @@ impl Recalled for PatchCut {
     }
 }
 
-impl Recalled for BakedPatch {
-    type Context<'a> = ();
-
-    fn locate(&mut self, folder: &Path, (): &()) {
-        self.pieces.iter_mut().for_each(|piece| piece.locate(folder));
-        for image in &mut self.images {
-            if let Some(name) = image.path.file_name() {
-                image.path = folder.join(name);
-            }
-        }
-    }
-
-    fn is_sound(&self, (): &()) -> bool {
-        self.pieces.iter().all(StoredPiece::is_sound) && self.images.iter().all(|image| image.path.is_file())
-    }
-}
-
 /// Bakes textures for a simplified mesh from the surface of the input.
 ///
 /// # Errors
@@ -138,9 +121,10 @@ pub struct Unbaked<'a> {
 /// A bake under way.
 struct Baking<'a> {
     result: Unbaked<'a>,
+    original: &'a Original,
     /// With the decimals of the input, and no part.
     catalogue: Catalogue,
-    baker: PatchBaker<'a>,
+    of_patches: PatchSettings,
     settings: BakeSettings,
     patch_faces: u64,
     /// Memory of all patches in flight, in bytes.
@@ -150,8 +134,9 @@ struct Baking<'a> {
 
 /// What a worker hands over.
 enum Ready {
-    Baked(ClusterId, Box<TexturedPatch>),
-    Recalled(BakedPatch),
+    Baked(ClusterId, Box<(BakedPatch, PieceContent)>),
+    /// Recorded before, and whether the progress knows of it.
+    Known(BakedPatch, bool),
     /// Too many triangles to load at once.
     Heavy(ClusterId),
 }
@@ -167,19 +152,17 @@ impl<'a> Baking<'a> {
         let all = original.area / (texel * texel);
         let patch_faces = patch_faces(all, result.mesh.face_count(), settings.side);
         let away = AWAY_DEVIATIONS * settings.deviation;
-        let WorkLimits { threads, work_bytes } = place.limits;
-        let most = (work_bytes.saturating_sub(canvas_bytes(settings.side)) / PAINTER_BYTES) as usize;
-        let count = most.clamp(1, threads.max(1));
-        let of_patches = PatchSettings { texel, away, side: settings.side, painters: count };
-        let baker = PatchBaker::new(original, &of_patches, place.progress);
-        let patch_bytes = work_bytes.saturating_sub(count as u64 * PAINTER_BYTES);
+        let painters = painter_count(settings.side, place.limits);
+        let of_patches = PatchSettings { texel, away, side: settings.side, painters };
+        let patch_bytes = place.limits.work_bytes.saturating_sub(painters as u64 * PAINTER_BYTES);
         let catalogue = Catalogue {
             position_decimals: result.catalogue.position_decimals,
             texcoord_decimals: result.catalogue.texcoord_decimals,
             ..Catalogue::default()
         };
         refuse_too_many_texels(all, settings.texels, place.work.path())?;
-        Ok(Self { result: *result, catalogue, baker, settings: *settings, patch_faces, patch_bytes, place: *place })
+        let (result, settings, place) = (*result, *settings, *place);
+        Ok(Self { result, original, catalogue, of_patches, settings, patch_faces, patch_bytes, place })
     }
 
     fn cut(&self) -> Result<Partition> {
@@ -208,53 +191,55 @@ impl<'a> Baking<'a> {
     fn run(&self) -> Result<(StoredMesh, BakedFigures, Vec<BakedImage>)> {
         let partition = self.cut()?;
         let scale = TextureScale::none(&self.catalogue);
-        let canvas_bytes = canvas_bytes(self.settings.side);
+        let crew = PatchCrew {
+            baker: PatchBaker::new(self.original, &self.of_patches, self.place.progress),
+            partition: &partition,
+            mesh: self.result.mesh,
+            catalogue: &self.catalogue,
+            scale: &scale,
+            format: self.settings.format,
+        };
         let permits = Permits::new(self.patch_bytes);
         self.place.progress.begin("bake", partition.total_faces(), "faces");
+        let lent = self.lend(&crew)?;
         let (mut mesh, mut figures) = (StoredMesh::default(), BakedFigures::default());
-        figures.texel = self.baker.texel;
+        figures.texel = crew.baker.texel;
         let mut files = Vec::new();
+        let folder = self.place.work.path();
         let work = |cluster: ClusterId| {
             self.place.progress.check_stopped()?;
             if let Some(baked) = self.place.work.recall::<BakedPatch>(&BakeStep::Patch(cluster).key(), &())? {
-                return Ok(Ready::Recalled(baked));
+                return Ok(Ready::Known(baked, false));
+            }
+            if let Some((baked, is_told)) = lent.result(folder, cluster, &())? {
+                return Ok(Ready::Known(baked, is_told));
             }
             if partition.weight(cluster).is_none() {
                 return Ok(Ready::Heavy(cluster));
             }
-            let _permit = permits.take(canvas_bytes + FACE_BYTES * partition.face_count(cluster));
-            let source = cluster::load(&partition, self.result.mesh, &self.catalogue, &scale, cluster)?;
-            let patch = self.baker.bake(
-                source,
-                self.settings.format,
-                self.place.work.path(),
-                BakeStep::Patch(cluster).key().name(),
-            )?;
-            Ok(Ready::Baked(cluster, Box::new(patch)))
+            let _permit = permits.take(patch_bytes(self.settings.side, &partition, cluster));
+            let (baked, content) = crew.bake(cluster, folder)?;
+            Ok(Ready::Baked(cluster, Box::new((baked, content))))
         };
         let clusters = partition.clusters().filter(|&cluster| partition.face_count(cluster) > 0);
         map_in_order(clusters, self.place.limits.threads, self.place.limits.threads + 1, work, |ready| {
-            let first_image = files.len() as u32;
-            let baked = match ready {
-                Ready::Recalled(baked) => baked,
+            let mut is_told = false;
+            let mut baked = match ready {
+                Ready::Known(baked, told) => {
+                    is_told = told;
+                    baked
+                }
                 Ready::Baked(cluster, patch) => {
-                    let mut baked = BakedPatch::default();
-                    self.store(*patch, &partition, cluster, first_image, &mut baked)?;
+                    let (mut baked, content) = *patch;
+                    baked.pieces.push(content.write(&piece_path(folder, cluster, 0))?.commit()?);
                     self.record(cluster, baked)?
                 }
-                Ready::Heavy(cluster) => {
-                    let mut baked = BakedPatch::default();
-                    let mut take = |source: ClusterSource| {
-                        let name = format!("{}-{}", BakeStep::Patch(cluster).key().name(), baked.pieces.len());
-                        let patch = self.baker.bake(source, self.settings.format, self.place.work.path(), &name)?;
-                        let first_image = first_image + baked.images.len() as u32;
-                        self.store(patch, &partition, cluster, first_image, &mut baked)
-                    };
-                    heavy::load_in_blocks(&partition, self.result.mesh, &self.catalogue, &scale, cluster, &mut take)?;
-                    self.record(cluster, baked)?
-                }
+                Ready::Heavy(cluster) => self.record(cluster, crew.bake_in_blocks(cluster, folder)?)?,
             };
-            self.place.progress.advance(baked.pieces.iter().map(|piece| piece.faces.len()).sum());
+            if !is_told {
+                self.place.progress.advance(baked.pieces.iter().map(|piece| piece.faces.len()).sum());
+            }
+            baked.pieces.iter_mut().for_each(|piece| piece.faces.raise_parts(files.len() as u32));
             figures.charts += baked.charts;
             figures.shrunk += baked.shrunk;
             figures.covered += baked.covered;
@@ -269,28 +254,22 @@ impl<'a> Baking<'a> {
         Ok((mesh, figures, files))
     }
 
-    /// Writes the piece of a patch, whose images have numbers from `first_image` on.
-    fn store(
-        &self,
-        patch: TexturedPatch,
-        partition: &Partition,
-        cluster: ClusterId,
-        first_image: u32,
-        baked: &mut BakedPatch,
-    ) -> Result<()> {
-        let TexturedPatch { source, mut mesh, baked: own } = patch;
-        number_parts(&mut mesh, first_image);
-        let scale = TextureScale::none(&self.catalogue);
-        let name = format!("{}-{}.piece", BakeStep::Patch(cluster).key().name(), baked.pieces.len());
-        let path = self.place.work.path().join(name);
-        let pending = source.write(&mesh, partition, &self.catalogue, &scale, None, &path)?;
-        baked.pieces.push(pending.commit()?);
-        baked.images.extend(own.images);
-        baked.charts += own.charts;
-        baked.shrunk += own.shrunk;
-        baked.covered += own.covered;
-        baked.colourless += own.colourless;
-        Ok(())
+    /// Has patches baked by other processes, if the job has any; returns what they did, now or before.
+    fn lend(&self, crew: &PatchCrew<'_>) -> Result<LentClusters> {
+        let partition = crew.partition;
+        let what = Lendable {
+            kind: BAKE,
+            partition,
+            clusters: partition.clusters().filter(|&cluster| can_lend(partition, cluster)).collect(),
+            prefix: BakeStep::PREFIX_OF_PATCHES.to_owned(),
+            parent: PATCHES,
+            arithmetic: usual_arithmetic(),
+            is_counted: true,
+        };
+        let PatchSettings { texel, away, side, .. } = self.of_patches;
+        let (mesh, format, original) = (self.result.mesh, self.settings.format, self.original);
+        let details = (original, mesh, partition, &self.catalogue, [texel, away], side, format, self.patch_faces);
+        lend(self.place.work, &what, || encoded(&details), self.place.progress)
     }
 
     fn record(&self, cluster: ClusterId, baked: BakedPatch) -> Result<BakedPatch> {
@@ -353,11 +332,18 @@ pub fn image_bytes(side: u32) -> u64 {
     canvas_bytes(side) + PAINTER_BYTES
 }
 
+/// Memory of a patch that is being baked, in bytes.
+pub(super) fn patch_bytes(side: u32, partition: &Partition, cluster: ClusterId) -> u64 {
+    canvas_bytes(side) + FACE_BYTES * partition.face_count(cluster)
+}
+
+/// Painters of images of this side.
+pub(super) fn painter_count(side: u32, limits: WorkLimits) -> usize {
+    let most = (limits.work_bytes.saturating_sub(canvas_bytes(side)) / PAINTER_BYTES) as usize;
+    most.clamp(1, limits.threads.max(1))
+}
+
 /// Memory of an image of this side that is being baked, in bytes.
 fn canvas_bytes(side: u32) -> u64 {
     (TEXEL_BYTES * f64::from(side) * f64::from(side)) as u64
-}
-
-fn number_parts(mesh: &mut ClusterMesh, first_image: u32) {
-    mesh.parts.iter_mut().for_each(|part| *part = part.plus(first_image));
 }

@@ -23,6 +23,9 @@ pub enum BakeStep {
 }
 
 impl BakeStep {
+    /// What the keys of steps begin with that record patches which another process baked.
+    pub const PREFIX_OF_PATCHES: &str = "bake-textures";
+
     /// Its key.
     pub fn key(self) -> StepKey {
         match self {

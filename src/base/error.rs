@@ -6,6 +6,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use serde::{Deserialize, Serialize};
+
 use super::bytes;
 
 /// Why a run stopped.
@@ -71,6 +73,14 @@ pub enum Error {
     /// The mesh exceeds a limit of the program (such as 2³² - 2 vertices).
     #[error("{0}")]
     Limit(String),
+    /// A task that was done elsewhere failed.
+    #[error("{message}")]
+    Elsewhere {
+        /// Kind of the error there.
+        kind: ErrorKind,
+        /// Task, machine and error.
+        message: String,
+    },
 }
 
 /// Result with the library's error.
@@ -114,13 +124,14 @@ impl Error {
             Error::Damaged { .. } => ErrorKind::Damaged,
             Error::Stopped => ErrorKind::Stopped,
             Error::Limit(_) => ErrorKind::Limit,
+            Error::Elsewhere { kind, .. } => *kind,
         }
     }
 }
 
 /// Kinds of [`Error`]s.
 #[non_exhaustive]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum ErrorKind {
     /// The options contradict each other or are out of range.
     Usage,

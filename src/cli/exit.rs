@@ -6,7 +6,7 @@ use crate::base::{Error, ErrorKind};
 use crate::report::{Report, Status};
 
 /// Every exit code and what it means.
-pub const CODES: [(u8, &str); 12] = [
+pub const CODES: [(u8, &str); 13] = [
     (0, "done"),
     (
         1,
@@ -19,6 +19,7 @@ pub const CODES: [(u8, &str); 12] = [
     (6, "another process works in the work folder"),
     (7, "no space left on a disk, or not enough to begin"),
     (8, "a file of the work folder is damaged"),
+    (9, "the job does not wait for the task any more"),
     (129, "stopped by SIGHUP; the same command resumes"),
     (130, "stopped by SIGINT (Ctrl-C); the same command resumes"),
     (143, "stopped by SIGTERM; the same command resumes"),

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use crate::base::{bytes, quantity};
+use crate::job::stage::Lending;
 use crate::options::{
     Borders, CLUSTER_FACES, Doubles, FaceTarget, ImageFormat, JobOptions, Limits, MetricChoice, Normals, Pieces,
     ReportNotes, ResumeChoice, Seams, SimplifyOptions, Target, TextureFiles, TexturesOutside, Topology, UpAxis, Weld,
@@ -59,6 +60,24 @@ pub struct JobFlags {
     /// A power cut may then cost the job and damage the result. A kill costs no more than without it
     #[arg(long, help_heading = heading::JOB, hide_short_help = true)]
     no_sync: bool,
+
+    /// Have tasks done on other machines by this command: docs/guide/machines.md
+    ///
+    /// The shell runs it for each stage of the job, with {stage} replaced by the stage's file, {count} by the number of its
+    /// tasks and {last} by that less one. It runs `drystone task {stage} INDEX` for each index, and ends when no more will
+    /// be done. The result has the same bytes
+    #[arg(long, value_name = "COMMAND", help_heading = heading::JOB, hide_short_help = true)]
+    task_runner: Option<String>,
+
+    /// With --task-runner: tasks of a stage, at most; 8 for each machine is good
+    #[arg(long, value_name = "COUNT", default_value_t = Lending::TASKS, help_heading = heading::JOB, hide_short_help = true)]
+    #[arg(value_parser = quantity::parse_whole::<u32>)]
+    tasks: u32,
+
+    /// With --task-runner: how often a stage is handed out while tasks of it have no result
+    #[arg(long, value_name = "COUNT", default_value_t = Lending::TRIES, help_heading = heading::JOB, hide_short_help = true)]
+    #[arg(value_parser = quantity::parse_whole::<u32>)]
+    task_tries: u32,
 }
 
 impl JobFlags {
@@ -75,6 +94,9 @@ impl JobFlags {
             keep_work: self.keep_work,
             no_sync: self.no_sync,
             force,
+            task_runner: self.task_runner.clone(),
+            tasks: self.tasks,
+            task_tries: self.task_tries,
         }
     }
 }

@@ -17,6 +17,7 @@ mod share;
 mod simplify;
 mod status;
 mod stop;
+mod task;
 mod tile;
 mod version;
 mod words;
@@ -61,6 +62,8 @@ enum Command {
     Serve(serve::ServeArguments),
     /// Print what a job has done and what is left, also while it runs
     Status(status::StatusArguments),
+    /// Do a task of a job that runs on several machines: docs/guide/machines.md
+    Task(task::TaskArguments),
     /// Print the completion script of a shell
     Completions(manual::CompletionsArguments),
     /// Write the manual pages to a folder
@@ -129,6 +132,7 @@ impl Command {
             Command::Compare(arguments) => compare::run(arguments),
             Command::Serve(arguments) => serve::run(arguments),
             Command::Status(arguments) => status::run(arguments),
+            Command::Task(arguments) => task::run(arguments),
             Command::Completions(arguments) => manual::print_completions(arguments, Cli::command()),
             Command::Man(arguments) => manual::write_pages(arguments, Cli::command()),
             Command::OptionsMarkdown => {

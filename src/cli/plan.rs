@@ -8,9 +8,9 @@ use super::flags::{SimplifyFlags, heading};
 use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::{tell, told};
-use crate::base::{Progress, Result, quantity};
+use crate::base::{Error, Progress, Result, bytes, quantity};
 use crate::options::TileOptions;
-use crate::plan;
+use crate::plan::{self, Plan};
 use crate::report;
 
 /// Arguments of `drystone plan`.
@@ -27,6 +27,13 @@ pub struct PlanArguments {
     #[arg(long, value_name = "SIDE", default_value_t = TileOptions::default().tile_side, requires = "tile")]
     #[arg(value_parser = quantity::parse_whole::<u32>, help_heading = heading::TARGET)]
     tile_side: u32,
+    /// Predict what this many machines would bring, each with as many threads: docs/guide/machines.md
+    #[arg(long, value_name = "COUNT", conflicts_with = "tile", help_heading = heading::JOB)]
+    #[arg(value_parser = quantity::parse_whole::<u32>)]
+    machines: Option<u32>,
+    /// With --machines: what their shared disk moves in a second for all of them, such as 1.1GB [default: no limit]
+    #[arg(long, value_name = "SIZE", requires = "machines", value_parser = parse_bandwidth, help_heading = heading::JOB)]
+    shared_bandwidth: Option<u64>,
     #[command(flatten)]
     flags: SimplifyFlags,
     #[command(flatten)]
@@ -51,6 +58,15 @@ impl PlanArguments {
         }
     }
 
+    fn plan(&self, progress: &dyn Progress) -> Result<Plan> {
+        let plan = plan::plan(self.input.choice(), &self.flags.options(), progress)?;
+        Ok(match self.machines {
+            Some(0) => return Err(Error::Usage("`machines: 0`: expected 1 or more".into())),
+            Some(machines) => plan.on_machines(machines, self.shared_bandwidth),
+            None => plan,
+        })
+    }
+
     fn show(&self, plan: &impl Serialize, table: &str, warnings: &[String]) -> Result<()> {
         if !self.quiet {
             report::warning_lines(warnings, "--json lists them").iter().for_each(|line| tell(line));
@@ -59,16 +75,21 @@ impl PlanArguments {
     }
 }
 
+/// Reads bytes in a second, with or without `/s`.
+fn parse_bandwidth(text: &str) -> std::result::Result<u64, String> {
+    bytes::parse(text.trim_end().strip_suffix("/s").unwrap_or(text))
+}
+
 /// Plans for a program that calls the command, which may ask for more disk space than there is.
 ///
 /// # Errors
 /// Those of [`plan::plan`] and [`plan::plan_tiles`].
 pub fn answer(arguments: &PlanArguments, progress: &dyn Progress) -> Result<CommandAnswer> {
-    let input = arguments.input.choice();
     if arguments.tile {
+        let input = arguments.input.choice();
         return CommandAnswer::new(0, &plan::plan_tiles(input, &arguments.tile_options(), progress)?);
     }
-    CommandAnswer::new(0, &plan::plan(input, &arguments.flags.options(), progress)?)
+    CommandAnswer::new(0, &arguments.plan(progress)?)
 }
 
 /// Prints the plan.
@@ -78,15 +99,15 @@ pub fn answer(arguments: &PlanArguments, progress: &dyn Progress) -> Result<Comm
 /// the disk is too small.
 pub fn run(arguments: &PlanArguments) -> Result<u8> {
     let told = told(arguments.quiet);
-    let input = arguments.input.choice();
     if arguments.tile {
+        let input = arguments.input.choice();
         let plan = plan::plan_tiles(input, &arguments.tile_options(), &*told)?;
         drop(told);
         arguments.show(&plan, &plan.table(), &plan.warnings)?;
         plan.scratch.refuse_small_disk()?;
         return Ok(0);
     }
-    let plan = plan::plan(input, &arguments.flags.options(), &*told)?;
+    let plan = arguments.plan(&*told)?;
     drop(told);
     arguments.show(&plan, &plan.table(), &plan.warnings)?;
     plan.scratch.refuse_small_disk()?;

@@ -16,6 +16,7 @@ use super::print::{print, print_json};
 use crate::bake::BakeStep;
 use crate::base::error::{escape, escape_path};
 use crate::base::{Result, bytes, counted, grouped, json_path};
+use crate::job::stage::StageStatus;
 use crate::job::{Entry, StepRecord, WorkStatus, look};
 use crate::model::array_file;
 use crate::passes::steps::PassStep;
@@ -63,6 +64,8 @@ struct JobStatus {
     triangles_left: Option<u64>,
     /// The current pass, once its partition is done.
     pass: Option<PassStatus>,
+    /// The stage whose tasks other processes do, if there is one.
+    stage: Option<StageProgress>,
     /// New textures, once something of them is done.
     bake: Option<BakeStatus>,
     /// Whether the result is written.
@@ -85,6 +88,27 @@ struct PassStatus {
     clusters_done: u64,
     /// Triangles of the clusters that are done, before they were simplified.
     triangles_done: u64,
+}
+
+/// Status of a stage.
+#[derive(Debug, Serialize)]
+struct StageProgress {
+    /// What is done: `sweep` or `remesh`.
+    kind: String,
+    /// Number of tasks, of those that have results, and of those that failed last.
+    tasks: u64,
+    tasks_done: u64,
+    tasks_failed: u64,
+    /// Why the last of these failed.
+    last_failure: Option<String>,
+}
+
+impl StageProgress {
+    fn of(stage: &StageStatus) -> Self {
+        let StageStatus { kind, tasks, tasks_done, tasks_failed, failure } = stage.clone();
+        let plain = |text: String| escape(text.as_bytes());
+        Self { kind: plain(kind), tasks, tasks_done, tasks_failed, last_failure: failure.map(plain) }
+    }
 }
 
 /// Status of new textures.
@@ -180,6 +204,7 @@ impl JobStatus {
             passes_done: 0,
             triangles_left: None,
             pass: None,
+            stage: work.stage.as_ref().map(StageProgress::of),
             bake: None,
             written: false,
             last_error: None,
@@ -198,7 +223,7 @@ impl JobStatus {
                 }
                 // A damaged cluster that was recomputed is recorded a second time.
                 Entry::Kept(record) => match PassStep::of(&record.key) {
-                    Some(step @ PassStep::Cluster { .. }) if !clusters.insert(step) => {}
+                    Some(step @ (PassStep::Cluster { .. } | PassStep::Clusters { .. })) if !clusters.insert(step) => {}
                     Some(step) => {
                         if matches!(step, PassStep::Partition { .. }) {
                             clusters.clear();
@@ -240,7 +265,11 @@ impl JobStatus {
                 self.triangles_left = Some(amount);
                 self.pass = None;
             }
-            (PassStep::Stops { .. } | PassStep::Trial { .. } | PassStep::Cluster { .. }, _) => {}
+            (PassStep::Clusters { count, .. }, Some(pass)) => {
+                pass.clusters_done = pass.clusters_done.saturating_add(u64::from(count)).min(pass.clusters);
+                pass.triangles_done = pass.triangles_done.saturating_add(amount);
+            }
+            _ => {}
         }
     }
 
@@ -285,6 +314,14 @@ impl JobStatus {
         if let Some(pass) = &self.pass {
             let _ =
                 writeln!(text, "pass {}     {} of {} clusters done", pass.number, pass.clusters_done, pass.clusters);
+        }
+        if let Some(stage) = &self.stage {
+            let failed =
+                if stage.tasks_failed > 0 { format!(", {} failed", stage.tasks_failed) } else { String::new() };
+            let _ = writeln!(text, "stage      {} of {} tasks done{failed}", stage.tasks_done, stage.tasks);
+            if let Some(failure) = &stage.last_failure {
+                let _ = writeln!(text, "           {failure}");
+            }
         }
         if let Some(bake) = self.bake.as_ref().filter(|bake| bake.images_decoded > 0 || bake.patches.is_some()) {
             let images = counted(bake.images_decoded, "image");

@@ -31,6 +31,7 @@
 //! 80 bytes a vertex.
 
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 
 use super::metric::{EdgeCase, Metric, Placement, fits};
 use super::parameter::{Parameter, choice, factor, switch};
@@ -51,7 +52,7 @@ pub const PARAMETERS: [Parameter; 3] = [
 ];
 
 /// Settings, in the order of [`PARAMETERS`].
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ClassicSettings {
     /// Weight of a plane through a border edge.
     pub border: f64,

@@ -34,6 +34,7 @@
 use std::f64::consts::TAU;
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use super::around::Around;
 use super::fan::{Fan, angle_between};
@@ -56,7 +57,7 @@ pub const PARAMETERS: [Parameter; 3] = [
 ];
 
 /// Settings, in the order of [`PARAMETERS`], and the frozen floor.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CurvatureSettings {
     has_curvature: bool,
     floor_share: f64,

@@ -44,6 +44,7 @@
 //! 72 bytes a vertex, 168 a wedge.
 
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 
 use super::around::Around;
 use super::fan::{Fan, angle_between};
@@ -77,7 +78,7 @@ pub const PARAMETERS: [Parameter; 10] = [
 ];
 
 /// Settings, in the order of [`PARAMETERS`], and the frozen normalisers.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ObliqueSettings {
     border: f64,
     floor_share: f64,

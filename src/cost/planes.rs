@@ -1,6 +1,7 @@
 //! Quadrics of planes that are not weighted by area, and placements by quadrics.
 
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 
 use super::metric::{EdgeCase, Placement};
 use super::quadric::Quadric;
@@ -20,7 +21,7 @@ const REACH: f64 = 2.0;
 pub(super) const LENGTH_SHARE: f64 = 1e-7;
 
 /// Placement of a collapse.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum PlacePolicy {
     /// At the minimum of the quadric.
     #[default]

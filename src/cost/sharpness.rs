@@ -29,6 +29,7 @@
 //! 80 bytes a vertex.
 
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 
 use super::fan::{Fan, angle_between};
 use super::mesh_stats::MeshStats;
@@ -56,7 +57,7 @@ pub const PARAMETERS: [Parameter; 5] = [
 ];
 
 /// Settings, in the order of [`PARAMETERS`], and the frozen mean.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SharpnessSettings {
     has_sigma: bool,
     has_texture: bool,

@@ -30,6 +30,7 @@
 //! 40 bytes a vertex, 360 a wedge.
 
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 
 use super::around::Around;
 use super::fan::Fan;
@@ -60,7 +61,7 @@ pub const PARAMETERS: [Parameter; 7] = [
 ];
 
 /// Settings, in the order of [`PARAMETERS`], and the frozen scale.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TerrainSettings {
     normal: f64,
     has_box_scale: bool,

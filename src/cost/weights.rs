@@ -9,6 +9,8 @@
 //! * High, where seams would take nearly all vertices: the surface loses more than the texture gains, so the weight is
 //!   light again. Above that it falls with the inverse square of the density.
 
+use serde::{Deserialize, Serialize};
+
 use super::parameter::{Parameter, factor, switch};
 
 /// NOTE: tuned. Seam densities between which seams have their full weight.
@@ -22,7 +24,7 @@ const LIGHT: f64 = 0.08;
 const SEAM_DENSITY_MAX: f64 = 4.0;
 
 /// Weights of the terms, all relative to the area-weighted squared distance.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Weights {
     /// Of the squared texture drift; 0 leaves texture out of the cost.
     pub uv: f64,

@@ -4,18 +4,16 @@
 
 use std::fs::File;
 use std::marker::PhantomData;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use bytemuck::Pod;
-use glam::DVec2;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
+use super::record::Record;
 use super::record_file::RecordFile;
 use crate::base::{Error, Result};
 use crate::file::name::{file_name, holds};
-use crate::file::packed::{self, Coordinates};
-use crate::file::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
 use crate::os::system::read_exact_at;
 
 /// Memory of all buffers together, in bytes.
@@ -24,108 +22,10 @@ const BUFFERS_BYTES: usize = 12 << 20;
 const EXTENT_RECORDS_MAX: usize = 32 << 10;
 /// Smallest number of records of one cell, in a batch, that are written as an extent of their own.
 const MANY_RECORDS: usize = 1024;
+/// Records of a run, of which some are read: see [`Buckets::to_vec`].
+pub const RUN_RECORDS: usize = 4 << 10;
 /// Largest size of an extent in bytes; no writer exceeds it.
 const EXTENT_BYTES_MAX: usize = EXTENT_RECORDS_MAX * 64;
-
-/// A record that is encoded together with others of its cell.
-pub trait Record: Copy + Send + Sync {
-    /// Appends the encoded records to `out`.
-    fn encode(records: &[Self], out: &mut Vec<u8>);
-
-    /// Decodes `count` records and appends them to `out`.
-    ///
-    /// # Errors
-    /// A description of the fault if the bytes are invalid.
-    fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String>;
-}
-
-/// Appends pairs of numbers to `out`, each number as the difference from that of the pair before.
-pub fn encode_pairs(pairs: impl ExactSizeIterator<Item = [u32; 2]>, out: &mut Vec<u8>) {
-    let mut at = out.len();
-    out.resize(at + pairs.len() * 2 * VARINT_BYTES_MAX, 0);
-    let mut last = [0; 2];
-    for pair in pairs {
-        for (number, last) in pair.into_iter().zip(&mut last) {
-            at = varint::put(out, at, zigzag(i64::from(number) - *last));
-            *last = i64::from(number);
-        }
-    }
-    out.truncate(at);
-}
-
-/// Decodes `count` pairs of numbers.
-///
-/// # Errors
-/// A description of the fault if the bytes are invalid.
-pub fn decode_pairs(bytes: &[u8], count: usize, mut take: impl FnMut([u32; 2])) -> std::result::Result<(), String> {
-    let (mut at, mut last) = (0, [0i64; 2]);
-    for _ in 0..count {
-        for last in &mut last {
-            let difference = varint::take(bytes, &mut at).ok_or("an extent ends inside a number")?;
-            *last = last.wrapping_add(unzigzag(difference));
-        }
-        take(last.map(|number| number as u32));
-    }
-    if at == bytes.len() { Ok(()) } else { Err(format!("{} bytes are left after an extent", bytes.len() - at)) }
-}
-
-impl Record for DVec2 {
-    fn encode(records: &[Self], out: &mut Vec<u8>) {
-        encode_coordinates(records, out);
-    }
-
-    fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String> {
-        let rest = decode_coordinates(bytes, count, out)?;
-        if rest.is_empty() { Ok(()) } else { Err(format!("{} bytes are left after an extent", rest.len())) }
-    }
-}
-
-/// A record that is stored as it lies in memory.
-pub trait Verbatim: Pod + Send + Sync {}
-
-impl<T: Verbatim> Record for T {
-    fn encode(records: &[Self], out: &mut Vec<u8>) {
-        out.extend_from_slice(bytemuck::cast_slice(records));
-    }
-
-    fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String> {
-        if bytes.len() != count * size_of::<Self>() {
-            return Err(format!("{} bytes for {count} records", bytes.len()));
-        }
-        out.extend(bytes.chunks_exact(size_of::<Self>()).map(bytemuck::pod_read_unaligned::<Self>));
-        Ok(())
-    }
-}
-
-/// Encodes coordinates in blocks, each preceded by its length.
-pub fn encode_coordinates<T: Coordinates>(records: &[T], out: &mut Vec<u8>) {
-    let mut decimals = 0;
-    for records in records.chunks(packed::BLOCK_RECORDS) {
-        let start = out.len();
-        out.extend([0; 4]);
-        packed::encode_block(records, &mut decimals, out);
-        let bytes = (out.len() - start - 4) as u32;
-        out[start..start + 4].copy_from_slice(&bytes.to_le_bytes());
-    }
-}
-
-/// Decodes `count` coordinates from the front of `bytes`; returns the remaining bytes.
-pub fn decode_coordinates<'a, T: Coordinates>(
-    mut bytes: &'a [u8],
-    count: usize,
-    out: &mut Vec<T>,
-) -> std::result::Result<&'a [u8], String> {
-    let mut left = count;
-    while left > 0 {
-        let (length, rest) = bytes.split_first_chunk::<4>().ok_or("an extent ends before a block")?;
-        let (block, rest) =
-            rest.split_at_checked(u32::from_le_bytes(*length) as usize).ok_or("an extent ends inside a block")?;
-        packed::decode_block(block, left.min(packed::BLOCK_RECORDS), out)?;
-        left = left.saturating_sub(packed::BLOCK_RECORDS);
-        bytes = rest;
-    }
-    Ok(bytes)
-}
 
 /// What numbers the cells of a file of records: an id, or a plain index.
 pub trait CellKey: Copy + Ord + Send + Sync + From<usize> + Into<usize> {}
@@ -328,19 +228,28 @@ impl<T: Record, K: CellKey> Buckets<T, K> {
     ///
     /// # Errors
     /// On failed reads and damaged files, and those of `take`.
-    pub fn read(&self, cell: K, take: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
-        self.read_one_in(1, cell, take)
+    pub fn read(&self, cell: K, mut take: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
+        self.read_some(cell, |_| true, |_, records| take(records))
     }
 
-    /// Like [`read`](Buckets::read), for the first of every `step` extents.
-    ///
-    /// # Errors
-    /// As [`read`](Buckets::read).
-    pub fn read_one_in(&self, step: usize, cell: K, mut take: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
+    /// Passes the records of those extents of a cell to `take` that are `wanted`, with their places among the records of
+    /// the cell.
+    fn read_some(
+        &self,
+        cell: K,
+        wanted: impl Fn(Range<usize>) -> bool,
+        mut take: impl FnMut(Range<usize>, &[T]) -> Result<()>,
+    ) -> Result<()> {
         let damaged = |message: String| Error::Damaged { path: self.path.clone(), message };
         let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
         let (mut bytes, mut records) = (Vec::new(), Vec::new());
-        for extent in self.extents[cell.into()].iter().step_by(step) {
+        let mut end = 0;
+        for extent in &self.extents[cell.into()] {
+            let places = end..end + extent.records as usize;
+            end = places.end;
+            if !wanted(places.clone()) {
+                continue;
+            }
             if !extent.is_sound() {
                 return Err(damaged(format!("an extent of {} records in {} bytes", extent.records, extent.bytes)));
             }
@@ -351,19 +260,23 @@ impl<T: Record, K: CellKey> Buckets<T, K> {
             }
             records.clear();
             T::decode(&bytes, extent.records as usize, &mut records).map_err(damaged)?;
-            take(&records)?;
+            take(places, &records)?;
         }
         Ok(())
     }
 
-    /// Returns the records of the first of every `step` extents of a cell.
+    /// Returns the records of a cell, or of the first of every `step` runs of [`RUN_RECORDS`] of them. Which ones these
+    /// are depends on their order alone, and not on who wrote them.
     ///
     /// # Errors
     /// On failed reads and damaged files.
     pub fn to_vec(&self, step: usize, cell: K) -> Result<Vec<T>> {
         let mut all = Vec::with_capacity(self.len(cell) as usize / step);
-        self.read_one_in(step, cell, |records| {
-            all.extend_from_slice(records);
+        let is_wanted = |places: Range<usize>| chosen_runs(places, step).next().is_some();
+        self.read_some(cell, is_wanted, |places, records| {
+            for run in chosen_runs(places.clone(), step) {
+                all.extend_from_slice(&records[run.start - places.start..run.end - places.start]);
+            }
             Ok(())
         })?;
         Ok(all)
@@ -397,6 +310,14 @@ impl<T: Record, K: CellKey> Buckets<T, K> {
     }
 }
 
+/// The parts of a range of places that lie in the first of every `step` runs.
+fn chosen_runs(places: Range<usize>, step: usize) -> impl Iterator<Item = Range<usize>> {
+    let cycle = RUN_RECORDS * step;
+    let first = places.start - places.start % cycle;
+    let cut = move |run: usize| run.max(places.start)..(run + RUN_RECORDS).min(places.end);
+    (first..places.end).step_by(cycle).map(cut).filter(|run| !run.is_empty())
+}
+
 impl<T, K> Drop for Buckets<T, K> {
     fn drop(&mut self) {
         if self.is_scratch {
@@ -407,6 +328,9 @@ impl<T, K> Drop for Buckets<T, K> {
 
 #[cfg(test)]
 mod tests {
+    use bytemuck::Pod;
+
+    use super::super::record::{Verbatim, decode_pairs, encode_pairs};
     use super::*;
     use crate::file::header::HEADER_BYTES;
 
@@ -470,6 +394,22 @@ mod tests {
         assert!(matches!(read(0), Err(Error::Damaged { .. })));
         assert!(matches!(read(1), Err(Error::Damaged { .. })));
         assert_eq!(found, (0..500).map(|i| [2 * i + 1, 2 * i + 2]).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn which_records_are_sampled_depends_on_their_places_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let records: Vec<(usize, [u32; 2])> = (0..30_000).map(|i| (i as usize % 3 / 2, [i, 0])).collect();
+        let mut sampled = Vec::new();
+        for batch in [1, 100, 9_000, 30_000] {
+            let mut writer = BucketWriter::create(&folder.path().join("a.buckets"), 2).unwrap();
+            records.chunks(batch).for_each(|batch| writer.append(Sorted::new(batch)).unwrap());
+            let buckets = writer.finish().unwrap();
+            sampled.push([1, 2, 4].map(|step| [0, 1].map(|cell| buckets.to_vec(step, cell).unwrap())));
+        }
+        assert!(sampled.iter().all(|found| *found == sampled[0]));
+        let own: Vec<[u32; 2]> = records.iter().filter(|record| record.0 == 0).map(|record| record.1).collect();
+        assert_eq!(sampled[0][2][0], [&own[..RUN_RECORDS], &own[4 * RUN_RECORDS..]].concat());
     }
 
     #[test]

@@ -13,6 +13,7 @@ pub mod varint;
 pub mod decimal;
 pub mod float;
 pub mod record_file;
+pub mod record;
 pub mod column;
 pub mod packed;
 pub mod positions;

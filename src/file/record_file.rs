@@ -30,7 +30,19 @@ impl RecordFile {
     /// # Errors
     /// If the file cannot be created.
     pub fn create(path: &Path) -> Result<Self> {
-        let mut file = DurableFile::create(path, BUFFER_BYTES)?;
+        Self::begin(DurableFile::create(path, BUFFER_BYTES)?)
+    }
+
+    /// As [`create`](RecordFile::create), for a file that several processes may write at once: the last one that
+    /// finishes it counts.
+    ///
+    /// # Errors
+    /// If the file cannot be created.
+    pub fn create_shared(path: &Path) -> Result<Self> {
+        Self::begin(DurableFile::create_shared(path, BUFFER_BYTES)?)
+    }
+
+    fn begin(mut file: DurableFile) -> Result<Self> {
         file.write(&[0; HEADER_BYTES as usize])?;
         Ok(Self { file, hash: Xxh3::new(), offset_bytes: HEADER_BYTES })
     }

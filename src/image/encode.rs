@@ -20,7 +20,7 @@ const BUFFER_BYTES: usize = 1 << 16;
 /// # Errors
 /// On a full disk or a failed write.
 pub fn encode(pixels: &[u8], size: [usize; 2], format: ImageFormat, path: &Path) -> Result<()> {
-    let mut file = Sink(DurableFile::create(path, BUFFER_BYTES)?);
+    let mut file = Sink(DurableFile::create_shared(path, BUFFER_BYTES)?);
     encode_into(pixels, size, format, &mut file).map_err(|error| Error::io(path, "write", error))?;
     file.0.commit()?;
     Ok(())

@@ -7,15 +7,12 @@ use std::path::Path;
 use super::journal::JOURNAL;
 use super::lock_file::{LOCK, is_locked};
 use super::manifest::{MANIFEST, MANIFEST_BYTES_MAX};
+use super::names::is_phase_file;
+use super::stage::is_stage_folder;
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::file::header::Header;
 use crate::os::durable::no_links;
-
-/// Prefixes and suffixes of the names of all other files.
-const PREFIXES: [&str; 6] = ["scan-", "pass-", "bake-", "tile-", "write-", "measure-"];
-const SUFFIXES: [&str; 12] =
-    [".col", ".plc", ".blk", ".buckets", ".piece", ".bin", ".cells", ".texels", ".png", ".jpg", ".state", ".tmp"];
 
 /// Returns the entries of a folder.
 ///
@@ -23,11 +20,6 @@ const SUFFIXES: [&str; 12] =
 /// [`Error::Io`] if the folder cannot be read.
 pub(super) fn entries(folder: &Path) -> Result<Vec<fs::DirEntry>> {
     fs::read_dir(folder).and_then(Iterator::collect).map_err(|e| Error::io(folder, "read", e))
-}
-
-/// Reports whether phases of a job write files of this name.
-pub(super) fn is_phase_file(name: &str) -> bool {
-    PREFIXES.iter().any(|prefix| name.starts_with(prefix)) && SUFFIXES.iter().any(|suffix| name.ends_with(suffix))
 }
 
 /// Refuses a folder with files that this program does not write, or with files but no manifest or journal.
@@ -45,7 +37,8 @@ pub(super) fn refuse_foreign(path: &Path) -> Result<()> {
             "manifest.bin.tmp" => is_job || Header::is_at(&entry.path()) || is_all_zero(&entry.path()),
             name => is_job && ([MANIFEST, JOURNAL, "journal.bin.tmp"].contains(&name) || is_phase_file(name)),
         };
-        if !(is_own && entry.file_type().is_ok_and(|kind| kind.is_file())) {
+        let is_stage = || is_job && is_stage_folder(&entry.path());
+        if !(is_own && entry.file_type().is_ok_and(|kind| kind.is_file()) || is_stage()) {
             // A job may be starting or ending there just now, whose files come and go.
             if is_locked(path) {
                 return Err(Error::Locked(path.to_owned()));

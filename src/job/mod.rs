@@ -20,8 +20,10 @@ mod foreign;
 mod journal;
 mod lock_file;
 mod manifest;
+mod names;
 mod open;
 mod recalled;
+pub mod stage;
 mod stamp;
 mod status;
 mod step;
@@ -38,12 +40,14 @@ use std::thread::JoinHandle;
 use serde::Serialize;
 
 use self::finished::{Finished, append, sync};
-use self::foreign::{entries, is_phase_file};
+use self::foreign::entries;
 pub use self::journal::Entry;
 use self::journal::{Journal, now};
 use self::lock_file::LOCK;
 pub use self::manifest::{InputFile, Manifest};
+use self::names::is_phase_file;
 pub use self::recalled::Recalled;
+use self::stage::Lending;
 use self::stamp::Condition;
 pub use self::status::{WorkStatus, folder_bytes, look};
 use self::step::Value;
@@ -88,6 +92,8 @@ pub struct WorkFolder {
     holds_steps: AtomicBool,
     /// Id of the job.
     number: u64,
+    /// How its tasks are done elsewhere, if they are.
+    lending: Option<Lending>,
 }
 
 impl WorkFolder {
@@ -99,6 +105,21 @@ impl WorkFolder {
     /// Id of the job, which marks its files outside of the folder.
     pub fn number(&self) -> u64 {
         self.number
+    }
+
+    /// From now on tasks of the job are done elsewhere.
+    pub fn lend_tasks(&mut self, lending: Lending) {
+        self.lending = Some(lending);
+    }
+
+    /// How tasks of the job are done elsewhere; `None` if they are not.
+    pub fn lending(&self) -> Option<&Lending> {
+        self.lending.as_ref()
+    }
+
+    /// From now on the folder holds something that another process could resume.
+    pub(in crate::job) fn note_steps(&self) {
+        self.holds_steps.store(true, Ordering::Relaxed);
     }
 
     /// Makes all records durable.
@@ -188,7 +209,7 @@ impl WorkFolder {
         files: impl IntoIterator<Item = &'a Path>,
         value: &T,
     ) -> Result<()> {
-        self.holds_steps.store(true, Ordering::Relaxed);
+        self.note_steps();
         Finished::new(&self.path, step, files, value, &self.steps)?.keep(&self.journal)
     }
 
@@ -206,7 +227,7 @@ impl WorkFolder {
         others: &[StepKey],
     ) -> Result<()> {
         self.wait_until_durable()?;
-        self.holds_steps.store(true, Ordering::Relaxed);
+        self.note_steps();
         let key = step.key.clone();
         let finished = Finished::new(&self.path, step, files, value, &self.steps)?;
         let (wanted, names) = self.want_only(&[&[key], others].concat());

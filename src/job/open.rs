@@ -11,6 +11,7 @@ use super::foreign::refuse_foreign;
 use super::journal::{self, Entry, JOURNAL, Journal, now};
 use super::lock_file::lock_folder;
 use super::manifest::{AFRESH, MANIFEST, Manifest};
+use super::stage::remove_stages;
 use super::steps::RecordedSteps;
 use super::{Resume, WorkFolder, remove_files};
 use crate::base::error::escape_path;
@@ -46,6 +47,7 @@ impl WorkFolder {
             is_resumed: false,
             holds_steps: AtomicBool::new(true),
             number: new_job_number(path),
+            lending: None,
         };
         let earlier = match resume {
             Resume::Never => {
@@ -188,6 +190,7 @@ impl WorkFolder {
 
     /// Removes all files of an earlier job, the manifest last.
     pub(super) fn clear(&self) -> Result<()> {
+        remove_stages(&self.path, None);
         let superseded = self.all_but(&HashSet::new())?;
         remove_files(&superseded)?;
         // Without a manifest they would count as foreign.

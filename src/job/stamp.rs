@@ -49,6 +49,13 @@ impl Stamp {
         Ok(Self { name, bytes, header: xxh3_64(&header) })
     }
 
+    /// Compares length and header of the file with the stamp. Its content is not read: blocks have checksums of their own.
+    pub fn is_at_head(&self, folder: &Path) -> bool {
+        let path = folder.join(&self.name);
+        let is_file = fs::symlink_metadata(&path).is_ok_and(|meta| meta.is_file());
+        is_file_name(&self.name) && is_file && Self::of(&path).is_ok_and(|found| found == *self)
+    }
+
     /// The file's name in the work folder.
     pub fn name(&self) -> &str {
         &self.name

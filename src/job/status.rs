@@ -6,6 +6,7 @@ use std::path::Path;
 use super::journal::{self, Entry, JOURNAL};
 use super::lock_file::is_locked;
 use super::manifest::{AFRESH, MANIFEST, Manifest};
+use super::stage::{StageStatus, look_at_stages, sizes};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
 use crate::file::header::Header;
@@ -19,6 +20,8 @@ pub struct WorkStatus {
     pub entries: Vec<Entry>,
     /// Whether a process holds the lock of the folder.
     pub is_running: bool,
+    /// The stage whose tasks other processes do, if there is one.
+    pub stage: Option<StageStatus>,
     /// Size of all its files in bytes.
     pub bytes: u64,
 }
@@ -40,11 +43,15 @@ pub fn look(path: &Path) -> Result<WorkStatus> {
     let (manifest, checksum) = Manifest::read(&path.join(MANIFEST))?;
     let entries =
         if path.join(JOURNAL).exists() { journal::read(&path.join(JOURNAL), checksum)?.entries } else { Vec::new() };
-    Ok(WorkStatus { manifest, entries, is_running: is_locked(path), bytes: folder_bytes(path) })
+    // A stage that is being written, or removed, is none.
+    let stage = look_at_stages(path).unwrap_or_default().pop();
+    Ok(WorkStatus { manifest, entries, is_running: is_locked(path), stage, bytes: folder_bytes(path) })
 }
 
-/// Size of all files in a folder, in bytes.
+/// Size of all files in a work folder, in bytes.
 pub fn folder_bytes(folder: &Path) -> u64 {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    entries.filter_map(|entry| entry.metadata().ok()).map(|meta| meta.len()).sum()
+    let own: u64 =
+        entries.filter_map(|entry| entry.metadata().ok()).filter(|meta| meta.is_file()).map(|meta| meta.len()).sum();
+    own + sizes(folder)
 }

@@ -26,7 +26,7 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::id::{FaceVertex, PartId, PieceTexcoord, PieceVertex};
 use crate::base::id::Id;
-use crate::file::buckets::Record;
+use crate::file::record::Record;
 
 /// Polygons with more corners are split into triangles on reading, because triangulation needs a whole polygon in
 /// memory.

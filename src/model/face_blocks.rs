@@ -20,13 +20,21 @@ pub struct FaceBlocks {
     path: Arc<Path>,
     blocks: Vec<FaceBlock>,
     count: u64,
+    /// Part that the file calls 0.
+    #[serde(skip)]
+    first_part: u32,
 }
 
 impl FaceBlocks {
     /// Creates the value from the blocks of a file, with their offsets in it.
     pub fn new(path: PathBuf, blocks: Vec<FaceBlock>) -> Self {
         let count = blocks.iter().map(|block| u64::from(block.faces)).sum();
-        Self { path: path.into(), blocks, count }
+        Self { path: path.into(), blocks, count, first_part: 0 }
+    }
+
+    /// From now on, the parts of the faces are by this number higher than in the file. Not stored.
+    pub fn raise_parts(&mut self, first_part: u32) {
+        self.first_part = first_part;
     }
 
     /// Number of faces.
@@ -86,7 +94,11 @@ impl FaceBlocks {
         bytes.resize(block.bytes as usize, 0);
         read_exact_at(file, bytes, block.offset_bytes).map_err(|e| Error::io(&self.path, "read", e))?;
         out.clear();
-        block.decode(bytes, out).map_err(|message| self.damaged(message))
+        block.decode(bytes, out).map_err(|message| self.damaged(message))?;
+        if self.first_part > 0 {
+            out.iter_mut().for_each(|face| face.part = face.part.plus(self.first_part));
+        }
+        Ok(())
     }
 
     fn damaged(&self, message: String) -> Error {

@@ -1,12 +1,13 @@
-//! Stores a piece of a mesh in one file: positions, colours, texture coordinates and faces after one header.
+//! Stores pieces of a mesh in a file: positions, colours, texture coordinates and faces of each after one header.
 //!
 //! ```text
 //! 0        64            96
-//! | header | four counts | colours 12 B | positions, in blocks | texcoords, in blocks | faces, in blocks |
+//! | header | four counts | colours 12 B | positions, in blocks | texcoords, in blocks | faces, in blocks | next piece …
 //! ```
-//! The count in the header is the number of faces; its checksum covers everything after it.
+//! A piece begins at a multiple of 64 bytes. The count in the header is the number of faces; its checksum covers
+//! everything after it.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 
@@ -19,6 +20,9 @@ use crate::file::RecordFile;
 use crate::file::column::Segment;
 use crate::file::packed::{PackedBlocks, PackedColumn};
 use crate::os::durable::DurableFile;
+
+/// Pieces begin at multiples of this number of bytes.
+const PIECE_ALIGNMENT: u64 = 64;
 
 /// A piece that is written but not durable yet.
 #[derive(Debug)]
@@ -38,7 +42,7 @@ impl PendingPiece {
     }
 }
 
-/// Writes a piece; [`commit`](PendingPiece::commit) makes it durable.
+/// Writes a file of one piece; [`commit`](PendingPiece::commit) makes it durable.
 ///
 /// # Errors
 /// On a full disk or a failed write.
@@ -49,9 +53,66 @@ pub fn write_piece(
     colours: Option<&[[f32; 3]]>,
     faces: &[Face<PieceVertex>],
 ) -> Result<PendingPiece> {
+    let mut file = PieceFile { file: RecordFile::create(path)?, path: path.to_owned(), faces: 0 };
+    let piece = file.put(positions, texcoords, colours, faces)?;
+    Ok(PendingPiece { file: file.seal()?, piece })
+}
+
+/// A file of pieces, being written.
+pub struct PieceFile {
+    file: RecordFile,
+    /// Where the pieces are read.
+    path: PathBuf,
+    faces: u64,
+}
+
+impl PieceFile {
+    /// Begins a file at `place` that several processes may write at once, and whose pieces will be read at `path`.
+    ///
+    /// # Errors
+    /// If the file cannot be created.
+    pub fn create_shared(place: &Path, path: PathBuf) -> Result<Self> {
+        Ok(Self { file: RecordFile::create_shared(place)?, path, faces: 0 })
+    }
+
+    /// Appends a piece.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn put(
+        &mut self,
+        positions: &[DVec3],
+        texcoords: &[DVec2],
+        colours: Option<&[[f32; 3]]>,
+        faces: &[Face<PieceVertex>],
+    ) -> Result<StoredPiece> {
+        let Self { file, path, .. } = self;
+        let end = file.put(&[])?;
+        file.put(&[0; PIECE_ALIGNMENT as usize][..(end.next_multiple_of(PIECE_ALIGNMENT) - end) as usize])?;
+        let piece = put_piece(file, path, positions, texcoords, colours, faces)?;
+        self.faces += faces.len() as u64;
+        Ok(piece)
+    }
+
+    /// Writes the header; committing the file gives it its name.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn seal(self) -> Result<DurableFile> {
+        self.file.seal(*b"piece   ", 0, self.faces)
+    }
+}
+
+fn put_piece(
+    file: &mut RecordFile,
+    path: &Path,
+    positions: &[DVec3],
+    texcoords: &[DVec2],
+    colours: Option<&[[f32; 3]]>,
+    faces: &[Face<PieceVertex>],
+) -> Result<StoredPiece> {
     let colour_slice = colours.unwrap_or(&[]);
     let counts = [positions.len(), texcoords.len(), colour_slice.len(), faces.len()].map(|n| n as u64);
-    let mut file = RecordFile::create(path)?;
     file.put(bytemuck::cast_slice(&counts))?;
     let colours_at = file.put(bytemuck::cast_slice(colour_slice))?;
     let (positions, texcoords) = (PackedBlocks::new(positions), PackedBlocks::new(texcoords));
@@ -65,13 +126,12 @@ pub fn write_piece(
         block.offset_bytes = file.put(&bytes)?;
         blocks.push(block);
     }
-    let piece = StoredPiece {
+    Ok(StoredPiece {
         positions: PackedColumn::new(path.to_owned(), positions_at, &positions),
         colours: colours.map(|_| Segment::new(path.to_owned(), colours_at, counts[2])),
         texcoords: PackedColumn::new(path.to_owned(), texcoords_at, &texcoords),
         faces: FaceBlocks::new(path.to_owned(), blocks),
-    };
-    Ok(PendingPiece { file: file.seal(*b"piece   ", 0, counts[3])?, piece })
+    })
 }
 
 #[cfg(test)]

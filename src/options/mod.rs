@@ -5,12 +5,14 @@ mod target;
 mod tile;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use crate::base::{Error, Result, json_path};
 use crate::cost::{Weights, classic, curvature, oblique, parameter, sharpness, terrain, weights};
 use crate::job::Resume;
+use crate::job::stage::{Lending, TaskRunner};
 use crate::passes::{Cost, PassOptions, SeamPolicy, shares};
 
 use crate::write::Textures;
@@ -53,12 +55,48 @@ pub struct JobOptions {
     pub no_sync: bool,
     /// Whether an existing output may be replaced.
     pub force: bool,
+    /// Command that has tasks done on other machines; `None` to do them all in this process.
+    ///
+    /// The shell runs it once for each stage of the job. In it, `{stage}` stands for the path of the stage's file,
+    /// `{count}` for the number of its tasks and `{last}` for that less one; it has `drystone task STAGE INDEX` run for
+    /// each index from 0, and ends when no more will be done. The result has the same bytes.
+    pub task_runner: Option<String>,
+    /// Tasks of a stage, at most.
+    pub tasks: u32,
+    /// How often a stage is handed out while tasks of it have no result.
+    pub task_tries: u32,
+}
+
+impl JobOptions {
+    /// How tasks are done elsewhere; `None` if they are not.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a command that does not name its stage, or numbers of 0.
+    pub fn lending(&self) -> Result<Option<Lending>> {
+        for (number, name) in [(self.tasks, "tasks"), (self.task_tries, "task_tries")] {
+            if number == 0 {
+                return Err(Error::Usage(format!("`{name}: 0`: expected 1 or more")));
+            }
+        }
+        let Some(command) = &self.task_runner else { return Ok(None) };
+        let hands = Arc::new(TaskRunner::new(command)?);
+        Ok(Some(Lending { hands, tasks: self.tasks, tries: self.task_tries, patience: Lending::PATIENCE }))
+    }
 }
 
 impl Default for JobOptions {
     /// A folder beside the output, which is removed after success; an unfinished job is resumed; nothing is replaced.
     fn default() -> Self {
-        Self { work: None, resume: ResumeChoice::Auto, keep_work: false, no_sync: false, force: false }
+        Self {
+            work: None,
+            resume: ResumeChoice::Auto,
+            keep_work: false,
+            no_sync: false,
+            force: false,
+            task_runner: None,
+            tasks: Lending::TASKS,
+            task_tries: Lending::TRIES,
+        }
     }
 }
 

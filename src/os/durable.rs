@@ -47,6 +47,16 @@ impl DurableFile {
         Self::create_at(target, waiting_place(target, job), buffer_bytes)
     }
 
+    /// Creates a file under a temporary name of this process, for a target that several processes may write at once.
+    ///
+    /// # Errors
+    /// As [`create`](DurableFile::create).
+    pub fn create_shared(target: &Path, buffer_bytes: usize) -> Result<Self> {
+        let mut name = target.file_name().unwrap_or_default().to_owned();
+        name.push(format!(".{:016x}.tmp", new_job_number(target)));
+        Self::create_at(target, target.with_file_name(name), buffer_bytes)
+    }
+
     fn create_at(target: &Path, temporary: PathBuf, buffer_bytes: usize) -> Result<Self> {
         // NOTE: a killed run may have left this file; only this program uses the name.
         let _ = fs::remove_file(&temporary);

@@ -99,6 +99,14 @@ pub fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> io::Result<()> {
     }
 }
 
+/// Name of this machine in its network, for messages.
+pub fn host_name() -> String {
+    #[cfg(unix)]
+    return rustix::system::uname().nodename().to_string_lossy().into_owned();
+    #[cfg(not(unix))]
+    std::env::var("COMPUTERNAME").unwrap_or_default()
+}
+
 /// Reports whether an error concerns the machine and not the file, so that the same call may succeed later. That is
 /// every system error except those that say that the file does not exist or may not be read.
 ///

@@ -64,6 +64,7 @@ pub use cluster::ClusterSource;
 pub use id::ClusterId;
 pub use interface::write_shared;
 pub use options::PartitionOptions;
+pub use save::PieceContent;
 pub use shared::Shared;
 pub use texture_scale::TextureScale;
 pub use visit::{VisitOptions, visit};

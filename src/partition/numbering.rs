@@ -26,9 +26,8 @@ use super::options::PartitionOptions;
 use crate::base::id::{IdWindow, TiSlice, TiVec};
 use crate::base::ordered::map_in_order;
 use crate::base::{Findings, Result};
-use crate::file::buckets::{
-    BucketWriter, Buckets, Record, Sorted, decode_coordinates, decode_pairs, encode_coordinates, encode_pairs,
-};
+use crate::file::buckets::{BucketWriter, Buckets, Sorted};
+use crate::file::record::{Record, decode_coordinates, decode_pairs, encode_coordinates, encode_pairs};
 use crate::file::varint::{self, VARINT_BYTES_MAX, unzigzag, zigzag};
 use crate::file::{ColumnWriter, EncodedRun, PositionRunWriter, PositionRuns, Segment};
 use crate::geometry::position_key;

@@ -105,7 +105,7 @@ pub fn read(partition: &Partition, mesh: &StoredMesh, cluster: ClusterId) -> Res
     read_one_in(1, partition, mesh, cluster)
 }
 
-/// Reads one in `step` blocks of the faces of a cluster. Reads all of them if texture coordinates were copied to the
+/// Reads one in `step` runs of the faces of a cluster. Reads all of them if texture coordinates were copied to the
 /// clusters, because those are stored for all faces together.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! Writes a simplified cluster as a piece of the next mesh.
+//! A simplified cluster as a piece of the next mesh.
 
 use std::path::Path;
 
@@ -17,29 +17,57 @@ use crate::mesh::cluster::{ClusterMesh, flag, rounded_up};
 use crate::mesh::id::{LocalVertex, Wedge};
 use crate::mesh::split::EdgePoint;
 use crate::model::id::{PieceTexcoord, PieceVertex};
-use crate::model::piece::{PendingPiece, write_piece};
-use crate::model::{Catalogue, Face};
+use crate::model::piece::{PendingPiece, PieceFile, write_piece};
+use crate::model::{Catalogue, Face, StoredPiece};
 
 /// The own vertices of a piece, in the cluster that it is made from.
 type OwnVertices = TiVec<PieceVertex, LocalVertex>;
 
+/// What a piece of the next stored mesh holds.
+#[derive(Debug)]
+pub struct PieceContent {
+    positions: TiVec<PieceVertex, DVec3>,
+    texcoords: TiVec<PieceTexcoord, DVec2>,
+    colours: Option<Vec<[f32; 3]>>,
+    faces: Vec<Face<PieceVertex>>,
+}
+
+impl PieceContent {
+    /// Writes the piece as a file of its own.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn write(&self, path: &Path) -> Result<PendingPiece> {
+        let Self { positions, texcoords, colours, faces } = self;
+        write_piece(path, &positions.raw, &texcoords.raw, colours.as_deref(), faces)
+    }
+
+    /// Appends the piece to a file of several.
+    ///
+    /// # Errors
+    /// On a full disk or a failed write.
+    pub fn put_in(&self, file: &mut PieceFile) -> Result<StoredPiece> {
+        let Self { positions, texcoords, colours, faces } = self;
+        file.put(&positions.raw, &texcoords.raw, colours.as_deref(), faces)
+    }
+}
+
 impl ClusterSource {
-    /// Writes the simplified mesh as a piece of the next stored mesh; `partition` is the one it was loaded from.
+    /// Returns the simplified mesh as a piece of the next stored mesh; `partition` is the one it was loaded from.
     ///
     /// If `max_error` (in units of length) bounds the deviation, the deviation of a face grows by the distance that
     /// rounding moves its corners: less than a sixtieth of `max_error`.
     ///
     /// # Errors
-    /// On a full disk or failed reads and writes.
-    pub fn write(
+    /// On failed reads and damaged files.
+    pub fn piece_of(
         &self,
         simplified: &ClusterMesh,
         partition: &Partition,
         catalogue: &Catalogue,
         scale: &TextureScale,
         max_error: Option<f64>,
-        path: &Path,
-    ) -> Result<PendingPiece> {
+    ) -> Result<PieceContent> {
         let own = own_vertices(simplified);
         let loaded = own.partition_point(|&vertex| vertex < self.vertex_ids.next_key());
         let own_ids: Vec<PartitionVertex> = own[..loaded].iter().map(|&vertex| self.vertex_ids[vertex]).collect();
@@ -86,7 +114,7 @@ impl ClusterSource {
             let texcoords = corners.map(|wedge| texcoord_of[wedge]);
             faces.push(Face { vertices, texcoords, part, continues_polygon: false, deviation });
         }
-        write_piece(path, &positions.raw, &texcoords.raw, colours.as_deref(), &faces)
+        Ok(PieceContent { positions, texcoords, colours, faces })
     }
 
     /// Interpolates the colours of vertices on edges from the two ends; if one end has no colour, takes that of the

@@ -29,7 +29,8 @@ use super::texcoord_ids::texcoord_ids;
 use crate::base::Result;
 use crate::base::id::{IdWindow, TiVec};
 use crate::base::ordered::map_in_order;
-use crate::file::buckets::{BucketWriter, Buckets, Record, decode_pairs, encode_pairs};
+use crate::file::buckets::{BucketWriter, Buckets};
+use crate::file::record::{Record, decode_pairs, encode_pairs};
 use crate::model::StoredMesh;
 use crate::model::id::Texcoord;
 

@@ -1,4 +1,4 @@
-//! Work on one cluster as a value: it can be written down and done anywhere.
+//! Work on one cluster as a value.
 //!
 //! In: a [`ClusterTask`] and the loaded cluster. Out: a [`ClusterResult`] and the simplified mesh. Invariant: the
 //! result depends on the task and the cluster alone.
@@ -16,7 +16,7 @@ use crate::partition::{ClusterId, ClusterSource};
 use crate::remesh;
 
 /// What to do to a cluster.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
 pub(super) struct ClusterTask {
     /// The cluster of its partition.
     pub cluster: ClusterId,
@@ -46,7 +46,7 @@ pub(super) enum ClusterProbing {
 }
 
 /// What a task returns of its cluster.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy)]
 pub(super) enum TaskOutput {
     /// The log of the collapses.
     Log,

@@ -1,5 +1,7 @@
 //! Options of the passes.
 
+use serde::{Deserialize, Serialize};
+
 use super::metric_engine::{EngineOf, EngineRules, MetricEngine};
 use super::pass_id::Pass;
 use crate::cost::{
@@ -22,7 +24,7 @@ pub enum SeamPolicy {
 }
 
 /// What a collapse costs: a metric and its settings.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub enum Cost {
     /// [`SurfaceCost`].
     Surface(Weights),

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::cluster_task::probing_of;
-use super::clusters::{Sweep, SweepPurpose};
+use super::clusters::Sweep;
 use super::pass_id::Pass;
 use super::records::PassSetup;
 use super::run::Run;
@@ -11,6 +11,7 @@ use super::sample;
 use super::schedule::PassEnd;
 use super::steps::{PROBES, PassStep, STATISTICS};
 use super::stop_rule::StopRule;
+use super::sweep_plan::SweepOutput;
 use super::sweep_result::SweepResult;
 use super::texture_traits::TextureTraits;
 use crate::base::ordered::{both, map_in_order};
@@ -209,11 +210,15 @@ impl Run<'_> {
         let phase = if pass.is_first_turn() { "simplify" } else { "stitch" };
         self.progress.begin(phase, partition.total_faces(), "faces");
         *self.map() = self.options.map.map(ClusterMap::new);
-        let survey = self.survey(partition, pass);
-        let sweep = Sweep { pass, partition, stops, purpose: SweepPurpose::Mesh(attempt, &survey) };
+        let output = SweepOutput::Mesh {
+            survey: self.survey(partition, pass),
+            optimize: self.options.optimize && pass.turn + 1 >= self.options.passes,
+        };
+        let plan = self.plan_sweep(pass, partition, stops, output);
+        let sweep = Sweep { pass, partition, number: attempt, plan };
         let mut sum = SweepResult::default();
         let mut squared_error = 0.0;
-        self.sweep(sweep, |result| {
+        self.sweep(&sweep, |result| {
             sum.counters += &result.counters;
             sum.cluster_faces.push(result.counters.faces_out);
             sum.report.threshold = sum.report.threshold.max(f64::from(result.cost));

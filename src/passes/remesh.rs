@@ -15,7 +15,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::clusters::PASS_BYTES;
+use super::cluster_worker::PASS_BYTES;
 use super::counters::Counters;
 use super::outcome::RemeshReport;
 use super::pass_id::Pass;
@@ -25,8 +25,9 @@ use super::steps::PassStep;
 use crate::base::Result;
 use crate::base::ordered::map_in_order;
 use crate::job::{Recalled, folder_bytes};
-use crate::model::{StoredMesh, StoredPiece};
-use crate::partition::{ClusterId, ClusterSource, Partition, heavy, write_shared};
+use crate::lend::LentClusters;
+use crate::model::{Catalogue, StoredMesh, StoredPiece};
+use crate::partition::{ClusterId, ClusterSource, Partition, PieceContent, TextureScale, cluster, heavy, write_shared};
 use crate::remesh::cvd::mass::MassSums;
 use crate::remesh::cvd::{self, CvdSettings, FrozenStatistics, Stock};
 
@@ -40,8 +41,8 @@ struct Surveyed {
 
 /// Result of remeshing a cluster.
 #[derive(Default, Serialize, Deserialize)]
-struct RemeshedCluster {
-    pieces: Vec<StoredPiece>,
+pub(super) struct RemeshedCluster {
+    pub pieces: Vec<StoredPiece>,
     counters: Counters,
     cells: u64,
     held: u64,
@@ -100,7 +101,9 @@ impl Run<'_> {
             ..RemeshReport::default()
         };
         let (mut mesh, mut counters) = (StoredMesh::default(), Counters::default());
-        let work = |cluster| self.remesh_or_recall(pass, settings, &frame, partition, cluster);
+        let of_pass = RemeshPass { number: pass.number as u32, settings, frame: &frame, partition };
+        let lent = self.lend_remesh(&of_pass)?;
+        let work = |cluster| self.remesh_or_recall(&of_pass, &lent, cluster);
         let threads = self.options.threads;
         map_in_order(partition.clusters(), threads, threads * 4, work, |cluster| {
             report.add(&cluster);
@@ -146,26 +149,30 @@ impl Run<'_> {
 
     fn remesh_or_recall(
         &self,
-        pass: Pass,
-        settings: &CvdSettings,
-        frame: &FrozenStatistics,
-        partition: &Partition,
+        pass: &RemeshPass<'_>,
+        lent: &LentClusters,
         cluster: ClusterId,
     ) -> Result<RemeshedCluster> {
         self.progress.check_stopped()?;
-        let step = PassStep::Cluster { pass: pass.number as u32, attempt: 0, cluster };
-        let faces = partition.face_count(cluster);
-        let remeshed = match self.job.recall::<RemeshedCluster>(&step.key(), &())? {
-            Some(remeshed) => remeshed,
-            None => {
-                let _permit = self.permits.take(remesh_bytes(partition, cluster));
-                let remeshed = self.remesh_cluster(settings, frame, partition, step, cluster)?;
-                let files = remeshed.pieces.iter().flat_map(StoredPiece::files);
-                self.job.keep(step.to_record().of_size(faces), files, &remeshed)?;
-                remeshed
-            }
+        let step = PassStep::Cluster { pass: pass.number, attempt: 0, cluster };
+        let faces = pass.partition.face_count(cluster);
+        let mut is_told = false;
+        let remeshed = if let Some(remeshed) = self.job.recall::<RemeshedCluster>(&step.key(), &())? {
+            remeshed
+        } else if let Some((remeshed, is_known)) = lent.result(self.job.path(), cluster, &())? {
+            is_told = is_known;
+            remeshed
+        } else {
+            let _permit = self.permits.take(remesh_bytes(pass.partition, cluster));
+            let remeshed = match pass.partition.weight(cluster) {
+                None => self.copy_cluster(pass.partition, step, cluster)?,
+                Some(_) => self.remesh_cluster(pass, step, cluster)?,
+            };
+            let files = remeshed.pieces.iter().flat_map(StoredPiece::files);
+            self.job.keep(step.to_record().of_size(faces), files, &remeshed)?;
+            remeshed
         };
-        self.progress.advance(faces);
+        self.progress.advance(if is_told { 0 } else { faces });
         Ok(remeshed)
     }
 
@@ -231,51 +238,88 @@ impl Run<'_> {
         })
     }
 
-    fn remesh_cluster(
-        &self,
-        settings: &CvdSettings,
-        frame: &FrozenStatistics,
-        partition: &Partition,
-        step: PassStep,
-        cluster: ClusterId,
-    ) -> Result<RemeshedCluster> {
-        if partition.weight(cluster).is_none() {
-            let path = |part| self.piece_path(step, part);
-            let (pieces, degenerate_faces) = heavy::pass_through(partition, &self.state.mesh, cluster, path)?;
-            let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
-            let counters =
-                Counters { degenerate_faces, faces_out: faces, passed_through_faces: faces, ..Counters::default() };
-            return Ok(RemeshedCluster { pieces, counters, ..RemeshedCluster::default() });
+    /// Writes a cluster that is too heavy to load as it is, in blocks.
+    fn copy_cluster(&self, partition: &Partition, step: PassStep, cluster: ClusterId) -> Result<RemeshedCluster> {
+        let path = |part| self.piece_path(step, part);
+        let (pieces, degenerate_faces) = heavy::pass_through(partition, &self.state.mesh, cluster, path)?;
+        let faces = pieces.iter().map(|piece| piece.faces.len()).sum();
+        let counters =
+            Counters { degenerate_faces, faces_out: faces, passed_through_faces: faces, ..Counters::default() };
+        Ok(RemeshedCluster { pieces, counters, ..RemeshedCluster::default() })
+    }
+
+    fn remesh_cluster(&self, pass: &RemeshPass<'_>, step: PassStep, cluster: ClusterId) -> Result<RemeshedCluster> {
+        let (mut remeshed, content) = self.remesher(pass).remesh(cluster)?;
+        if let Some(content) = content {
+            remeshed.pieces.push(content.write(&self.piece_path(step, 0))?.commit()?);
         }
-        let mut source = self.load(partition, cluster)?;
+        Ok(remeshed)
+    }
+
+    /// What the clusters of a pass are remeshed with.
+    pub(super) fn remesher<'a>(&'a self, pass: &RemeshPass<'a>) -> Remesher<'a> {
+        let RemeshPass { settings, frame, partition, .. } = *pass;
+        let (mesh, catalogue, scale) = (&self.state.mesh, self.catalogue, &self.texture.scale);
+        Remesher { settings, frame, partition, mesh, catalogue, scale }
+    }
+}
+
+/// A pass that remeshes, once its statistics are known.
+#[derive(Clone, Copy)]
+pub(super) struct RemeshPass<'a> {
+    pub number: u32,
+    pub settings: &'a CvdSettings,
+    pub frame: &'a FrozenStatistics,
+    pub partition: &'a Partition,
+}
+
+/// What clusters are remeshed with.
+#[derive(Clone, Copy)]
+pub(super) struct Remesher<'a> {
+    pub settings: &'a CvdSettings,
+    pub frame: &'a FrozenStatistics,
+    pub partition: &'a Partition,
+    /// The mesh that was partitioned.
+    pub mesh: &'a StoredMesh,
+    pub catalogue: &'a Catalogue,
+    pub scale: &'a TextureScale,
+}
+
+impl Remesher<'_> {
+    /// Remeshes a cluster; returns it as a piece of the next mesh, unless no face is left.
+    ///
+    /// # Errors
+    /// On failed reads and damaged files.
+    pub fn remesh(&self, cluster: ClusterId) -> Result<(RemeshedCluster, Option<PieceContent>)> {
+        let mut source = cluster::load(self.partition, self.mesh, self.catalogue, self.scale, cluster)?;
         let mut mesh = std::mem::take(&mut source.mesh);
-        let outcome = cvd::reconstruct(&mut mesh, settings, frame);
+        let outcome = cvd::reconstruct(&mut mesh, self.settings, self.frame);
         source.adopt(outcome.points);
-        let mut pieces = Vec::new();
-        if !mesh.corners.is_empty() {
-            let path = self.piece_path(step, 0);
-            let pending = source.write(&mesh, partition, self.catalogue, &self.texture.scale, None, &path)?;
-            pieces.push(pending.commit()?);
-        }
+        let content = if mesh.corners.is_empty() {
+            None
+        } else {
+            Some(source.piece_of(&mesh, self.partition, self.catalogue, self.scale, None)?)
+        };
         let counters = Counters {
             faces_out: mesh.corners.len() as u64,
             degenerate_faces: source.degenerate,
             dropped_doubles: source.doubles,
             ..Counters::default()
         };
-        Ok(RemeshedCluster {
-            pieces,
+        let remeshed = RemeshedCluster {
+            pieces: Vec::new(),
             counters,
             cells: outcome.cells,
             held: outcome.held,
             added: outcome.added,
             junctions: outcome.shrunk.junctions,
             kept: outcome.shrunk.kept,
-        })
+        };
+        Ok((remeshed, content))
     }
 }
 
 /// Memory in bytes of a cluster while it is remeshed or passed through.
-fn remesh_bytes(partition: &Partition, cluster: ClusterId) -> u64 {
+pub(super) fn remesh_bytes(partition: &Partition, cluster: ClusterId) -> u64 {
     partition.weight(cluster).map_or(PASS_BYTES, |weight| weight.bytes() * cvd::GROWTH / 2)
 }

@@ -6,6 +6,7 @@
 //! cut during the previous pass, while its clusters are in memory.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::base::id::{TiSlice, TiVec};
 use crate::cost::Metric;
@@ -59,7 +60,7 @@ pub struct Purpose {
 }
 
 /// Which clusters give a patch, and the size of a patch.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Survey {
     clusters: Vec<ClusterId>,
     /// Faces of a patch.

@@ -210,8 +210,12 @@ impl ResumePoint {
     /// Describes what is resumed, for the log.
     pub fn kept(&self, job: &WorkFolder) -> String {
         let pass = self.state.pass();
-        let of_pass = |step: PassStep| matches!(step, PassStep::Cluster { pass: of, .. } if of as usize == pass);
-        let clusters = job.latest().iter().filter_map(PassStep::of).filter(|&step| of_pass(step)).count();
+        let clusters_of = |step: PassStep| match step {
+            PassStep::Cluster { pass: of, .. } if of as usize == pass => 1,
+            PassStep::Clusters { pass: of, count, .. } if of as usize == pass => u64::from(count),
+            _ => 0,
+        };
+        let clusters: u64 = job.latest().iter().filter_map(PassStep::of).map(clusters_of).sum();
         let passes = match pass {
             0 => "the scan".to_owned(),
             1 => "the scan and 1 pass".to_owned(),
@@ -222,6 +226,7 @@ impl ResumePoint {
             (Some(_), 0) => format!(", and the partition of pass {}", pass + 1),
             (Some(partition), _) => {
                 let of = partition.filled_count();
+                let clusters = clusters.min(of);
                 format!(", and {clusters} of {of} clusters of pass {}", pass + 1)
             }
         };

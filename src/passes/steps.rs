@@ -21,6 +21,10 @@ pub enum PassStep {
     Trial { pass: u32, trial: u32, cluster: ClusterId },
     /// A simplified cluster, in an attempt.
     Cluster { pass: u32, attempt: u32, cluster: ClusterId },
+    /// Clusters among some that one process simplified for such a trial.
+    Trials { pass: u32, trial: u32, first: ClusterId, count: u32 },
+    /// Clusters among some that one process simplified.
+    Clusters { pass: u32, attempt: u32, first: ClusterId, count: u32 },
     /// The mesh after the pass.
     Mesh { pass: u32 },
 }
@@ -58,8 +62,24 @@ impl PassStep {
             Self::Cluster { pass, attempt, cluster } => {
                 format!("pass-{pass}-cluster-{attempt}-{:06}", cluster.number())
             }
+            Self::Trials { pass, trial, first, count } => {
+                format!("{}-{:06}-{count}", Self::prefix_of_trials(pass, trial), first.number())
+            }
+            Self::Clusters { pass, attempt, first, count } => {
+                format!("{}-{:06}-{count}", Self::prefix_of_clusters(pass, attempt), first.number())
+            }
             Self::Mesh { pass } => format!("pass-{pass}-mesh"),
         })
+    }
+
+    /// What the keys of [`Trials`](Self::Trials) begin with.
+    pub fn prefix_of_trials(pass: u32, trial: u32) -> String {
+        format!("pass-{pass}-trials-{trial}")
+    }
+
+    /// What the keys of [`Clusters`](Self::Clusters) begin with.
+    pub fn prefix_of_clusters(pass: u32, attempt: u32) -> String {
+        format!("pass-{pass}-clusters-{attempt}")
     }
 
     /// The step to record.
@@ -71,8 +91,12 @@ impl PassStep {
     fn parent(self) -> StepKey {
         match self {
             Self::Partition { pass } => Self::mesh_after(pass as usize),
-            Self::Stops { pass, .. } | Self::Trial { pass, .. } | Self::Mesh { pass } => Self::Partition { pass }.key(),
-            Self::Cluster { pass, attempt, .. } => Self::Stops { pass, attempt }.key(),
+            Self::Stops { pass, .. } | Self::Trial { pass, .. } | Self::Trials { pass, .. } | Self::Mesh { pass } => {
+                Self::Partition { pass }.key()
+            }
+            Self::Cluster { pass, attempt, .. } | Self::Clusters { pass, attempt, .. } => {
+                Self::Stops { pass, attempt }.key()
+            }
         }
     }
 
@@ -88,6 +112,8 @@ impl PassStep {
             "stops" => Self::Stops { pass, attempt: next()? },
             "trial" => Self::Trial { pass, trial: next()?, cluster: ClusterId::new(next()?) },
             "cluster" => Self::Cluster { pass, attempt: next()?, cluster: ClusterId::new(next()?) },
+            "trials" => Self::Trials { pass, trial: next()?, first: ClusterId::new(next()?), count: next()? },
+            "clusters" => Self::Clusters { pass, attempt: next()?, first: ClusterId::new(next()?), count: next()? },
             "mesh" => Self::Mesh { pass },
             _ => return None,
         };
@@ -106,6 +132,8 @@ mod tests {
             PassStep::Stops { pass: 1, attempt: 2 },
             PassStep::Trial { pass: 3, trial: 4, cluster: ClusterId::new(1_234_567) },
             PassStep::Cluster { pass: u32::MAX, attempt: 0, cluster: ClusterId::new(5) },
+            PassStep::Trials { pass: 3, trial: 4, first: ClusterId::new(0), count: 9 },
+            PassStep::Clusters { pass: 3, attempt: 1, first: ClusterId::new(1_234_567), count: 1 },
             PassStep::Mesh { pass: 7 },
         ];
         for step in steps {

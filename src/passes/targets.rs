@@ -1,7 +1,7 @@
 //! Chooses where each cluster stops: by shares and thresholds from the schedule and the sample, and in the trim by the
 //! costs of all clusters.
 
-use super::clusters::{Sweep, SweepPurpose};
+use super::clusters::Sweep;
 use super::goal::{Aim, Goal};
 use super::metric_engine::EngineRules;
 use super::options::{PassOptions, SeamPolicy};
@@ -9,6 +9,7 @@ use super::pass_id::Pass;
 use super::run::Run;
 use super::sample::{self, Survey};
 use super::stop_rule::StopRule;
+use super::sweep_plan::SweepOutput;
 use super::trim::{Notes, spread_shares};
 use crate::base::Result;
 use crate::base::id::TiVec;
@@ -147,8 +148,9 @@ impl Run<'_> {
             let mut notes = Notes::default();
             let mut clusters = partition.clusters();
             let everything = StopRule::Costs(vec![cost]);
-            let sweep = Sweep { pass, partition, stops: &everything, purpose: SweepPurpose::Trial(trial) };
-            self.sweep(sweep, |result| {
+            let plan = self.plan_sweep(pass, partition, &everything, SweepOutput::Log);
+            let sweep = Sweep { pass, partition, number: trial, plan };
+            self.sweep(&sweep, |result| {
                 clusters.next().into_iter().for_each(|cluster| notes.add(cluster, &result.log));
                 Ok(())
             })?;

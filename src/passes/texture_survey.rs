@@ -1,7 +1,7 @@
 //! Measures the scale of texture coordinates and the density of seams before the first pass, while its sample is taken.
 //!
-//! The scale of a material is a ratio of two sums over its faces, which every fourth block of faces estimates well
-//! enough. All blocks are read only if that sample has too few faces of a material. Seams are counted in the clusters
+//! The scale of a material is a ratio of two sums over its faces, which every fourth run of faces estimates well
+//! enough. All of them are read only if that sample has too few faces of a material. Seams are counted in the clusters
 //! that give patches to the sample.
 
 use super::run::Run;
@@ -16,7 +16,7 @@ use crate::model::id::MaterialId;
 use crate::partition::texture_scale::MaterialArea;
 use crate::partition::{Partition, TextureScale, reading};
 
-/// One in this many blocks of faces is read.
+/// One in this many runs of faces is read.
 const STEP: usize = 4;
 /// Fewest faces by which a material is measured, unless it has fewer in the whole mesh.
 const FACES_MIN: u64 = 256;
@@ -50,7 +50,7 @@ impl Run<'_> {
         Ok((TextureTraits { scale, seam_density: seams.seam_density(kept) }, sample))
     }
 
-    /// Sums over the clusters, in order. Areas per material come from one block in `step`, and from all blocks of
+    /// Sums over the clusters, in order. Areas per material come from one run of faces in `step`, and from all those of
     /// clusters that give a patch; seams come from the latter alone.
     fn measure_clusters(&self, step: usize, partition: &Partition) -> Result<Measured> {
         let none = || self.catalogue.per_material(MaterialArea::default());

@@ -22,6 +22,7 @@ mod requirements;
 mod run_log;
 #[cfg(not(feature = "images"))]
 mod no_texturing;
+mod task;
 #[cfg(feature = "images")]
 mod texturing;
 #[cfg(feature = "images")]
@@ -47,6 +48,7 @@ use self::run_log::{FinishedRun, RunLog};
 use self::texturing::Texturing;
 use crate::base::{Progress, Result};
 use crate::job::WorkFolder;
+use crate::job::stage::Lending;
 use crate::model::Catalogue;
 use crate::options::SimplifyOptions;
 use crate::os::timeline::Recorder;
@@ -57,8 +59,24 @@ use crate::report::Report;
 #[cfg(feature = "images")]
 pub use self::bake_onto::bake_onto;
 pub use self::preflight::work_folder;
+pub use self::task::{TaskEnd, do_task};
 #[cfg(feature = "images")]
 pub use self::tile::tile;
+
+/// As [`simplify`], but has tasks of the job done elsewhere.
+///
+/// # Errors
+/// Those of [`simplify`], and [`Error::Elsewhere`](crate::base::Error::Elsewhere).
+pub fn simplify_elsewhere(
+    input: impl Into<InputChoice>,
+    output: &Path,
+    options: &SimplifyOptions,
+    lending: Lending,
+    progress: &dyn Progress,
+) -> Result<Report> {
+    let preflight = Preflight::check(input.into(), output, options)?;
+    run_and(&Preflight { lending: Some(lending), ..preflight }, progress, |_, _| Ok(()))
+}
 
 /// Simplifies meshes in files, or in all files below folders, into one file.
 ///
@@ -87,10 +105,17 @@ pub fn simplify_and(
     progress: &dyn Progress,
     then: impl FnOnce(&Report, u64) -> Result<()>,
 ) -> Result<Report> {
+    run_and(&Preflight::check(input.into(), output, options)?, progress, then)
+}
+
+fn run_and(
+    job: &Preflight<'_>,
+    progress: &dyn Progress,
+    then: impl FnOnce(&Report, u64) -> Result<()>,
+) -> Result<Report> {
     let recorder = Recorder::start(progress);
-    let preflight = Preflight::check(input.into(), output, options)?;
-    preflight.run(|work| {
-        let report = run(&preflight, work, &recorder)?;
+    job.run(|work| {
+        let report = run(job, work, &recorder)?;
         let report = Report { timeline: recorder.finish(), ..report };
         then(&report, work.number())?;
         Ok(report)

@@ -7,6 +7,7 @@ use std::time::SystemTime;
 use super::paths::{self, OutputKind};
 use crate::base::pool::Pool;
 use crate::base::{Findings, MemoryBudget, Result};
+use crate::job::stage::Lending;
 use crate::job::{InputFile, Manifest, WorkFolder, folder_bytes};
 use crate::options::{ResumeChoice, SimplifyOptions, TexturesOutside};
 use crate::plan::{memory, scratch};
@@ -36,6 +37,8 @@ pub(super) struct Preflight<'a> {
     pub manifest: Manifest,
     /// Moves the positions of the input while they are read.
     pub mover: Option<Box<dyn MovePositions>>,
+    /// How tasks are done elsewhere, if they are.
+    pub lending: Option<Lending>,
 }
 
 impl<'a> Preflight<'a> {
@@ -62,6 +65,7 @@ impl<'a> Preflight<'a> {
     ) -> Result<Self> {
         let began = SystemTime::now();
         options.check()?;
+        let lending = options.job.lending()?;
         let (inputs, idle) = find_inputs_and_idle(&choice)?;
         let budget = memory::choose_budget(options)?;
         let threads = memory::choose_threads(options.limits.threads, budget);
@@ -74,7 +78,20 @@ impl<'a> Preflight<'a> {
             // The old job is removed only if the new one can begin.
             paths::refuse_existing(output, options.job.force)?;
         }
-        Ok(Self { began, options, choice, inputs, idle, output, work_path, budget, threads, manifest, mover: None })
+        Ok(Self {
+            began,
+            options,
+            choice,
+            inputs,
+            idle,
+            output,
+            work_path,
+            budget,
+            threads,
+            manifest,
+            mover: None,
+            lending,
+        })
     }
 
     /// Whether images outside of their MTL's folder come to the result, too, or are read for it.
@@ -90,6 +107,9 @@ impl<'a> Preflight<'a> {
         let pool = if self.options.job.no_sync { Pool::without_sync } else { Pool::new };
         let _threads = pool(self.threads)?.enter();
         let mut folder = WorkFolder::open(&self.work_path, &self.manifest, self.options.job.resume.into())?;
+        if let Some(lending) = self.lending.clone() {
+            folder.lend_tasks(lending);
+        }
         let outcome = work(&mut folder);
         match &outcome {
             Ok(_) => folder.finish(self.options.job.keep_work)?,

@@ -9,6 +9,7 @@
 #[cfg(feature = "images")]
 pub mod bake;
 mod bake_forecast;
+mod machines;
 pub mod memory;
 pub mod passes;
 pub mod scratch;
@@ -22,6 +23,8 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 pub use self::bake_forecast::{BakeForecast, BakeTask};
+pub use self::machines::MachinesForecast;
+use self::machines::PlannedRun;
 use self::memory::{MemoryForecast, Sizes};
 use self::passes::PassForecast;
 #[cfg(feature = "images")]
@@ -123,6 +126,8 @@ pub struct Plan {
     pub output_bytes: u64,
     /// Time by phase.
     pub seconds: TimeForecast,
+    /// What several machines would bring; `None` if that was not asked for.
+    pub machines: Option<MachinesForecast>,
     /// Warnings: inputs that may hold one surface twice, and patterns that exclude nothing.
     pub warnings: Vec<String>,
 }
@@ -169,6 +174,7 @@ pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: 
             .with_bake(bake.map_or(0.0, |bake| bake.core_seconds), threads),
         bake,
         passes,
+        machines: None,
         warnings: findings.warnings(),
     })
 }
@@ -192,6 +198,18 @@ fn bake_forecast(_: ShownTexture, _: &BakeTask, _: &SimplifyOptions, _: &mut Fin
 }
 
 impl Plan {
+    /// The plan with a prediction for several machines; `bandwidth` is what their shared disk moves in a second, in bytes.
+    pub fn on_machines(self, machines: u32, bandwidth: Option<u64>) -> Self {
+        let run = PlannedRun {
+            input_bytes: self.input.bytes,
+            target: self.target.unwrap_or(self.input.triangles),
+            passes: &self.passes,
+            seconds: self.seconds,
+            threads: self.threads as usize,
+        };
+        Self { machines: Some(MachinesForecast::of(&run, machines, bandwidth)), ..self }
+    }
+
     /// The plan as a table for people.
     pub fn table(&self) -> String {
         let mut text = String::new();
@@ -245,8 +263,21 @@ impl Plan {
         let phases = of.into_iter().chain(bake).chain([("write", seconds.write)]);
         let phases: Vec<_> = phases.map(|(name, seconds)| format!("{name} {}", duration(seconds))).collect();
         row(&mut text, "", &phases.join(", "));
+        self.machines.iter().for_each(|machines| put_machines(&mut text, machines));
         text
     }
+}
+
+fn put_machines(text: &mut String, forecast: &MachinesForecast) {
+    let MachinesForecast { machines, bandwidth, seconds, seconds_of_one, seconds_with_own_disk } = *forecast;
+    let disk = bandwidth.map_or("a fast shared disk".to_owned(), |bandwidth| {
+        format!("a shared disk of {}/s", bytes::display(bandwidth))
+    });
+    let (all, one) = (counted(u64::from(machines), "machine"), duration(seconds_of_one));
+    row(text, "machines", &format!("{all} on {disk}: {}; one alone: {one}", duration(seconds)));
+    let own = duration(seconds_with_own_disk);
+    let verdict = if forecast.is_one_as_fast() { ", about as fast as all of them" } else { "" };
+    row(text, "", &format!("one with --work on a disk of its own: {own}{verdict}"));
 }
 
 fn row(text: &mut String, name: &str, words: &str) {

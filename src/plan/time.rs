@@ -60,26 +60,44 @@ pub(super) fn speed_up(threads: usize, items: u64) -> f64 {
     1.0 + (threads as u64).min(items).saturating_sub(1) as f64 * THREAD_SHARE
 }
 
+/// Seconds in which the clusters of all passes are simplified by `machines` machines, each on `threads` threads.
+pub(super) fn cluster_seconds(passes: &[PassForecast], threads: usize, machines: u32) -> f64 {
+    let of_pass = |(number, pass): (usize, &PassForecast)| {
+        let machines = u64::from(machines).clamp(1, pass.clusters.max(1));
+        let of_each = pass.clusters.div_ceil(machines);
+        pass.faces_in as f64 / rate_of(passes, number) / speed_up(threads, of_each) / machines as f64
+    };
+    passes.iter().enumerate().map(of_pass).sum()
+}
+
+/// Faces of a pass that one core simplifies in a second.
+fn rate_of(passes: &[PassForecast], number: usize) -> f64 {
+    let pass = &passes[number];
+    match is_first(passes, number) {
+        _ if pass.is_remesh => REMESH_FACES_PER_SECOND,
+        _ if pass.is_trim => TRIM_FACES_PER_SECOND,
+        true => FIRST_FACES_PER_SECOND,
+        false => LATER_FACES_PER_SECOND,
+    }
+}
+
+/// Whether a pass is the first that collapses edges, or remeshes.
+fn is_first(passes: &[PassForecast], number: usize) -> bool {
+    number == 0 || passes[number - 1].is_remesh
+}
+
 /// Predicts the time of a run on `threads` threads, each with a core of its own.
 pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads: usize) -> TimeForecast {
     let speed_up = |items: u64| speed_up(threads, items);
     let scan = input_bytes as f64 / SCAN_BYTES_PER_SECOND / speed_up(u64::MAX);
-    let (mut partition, mut simplify) = (0.0, 0.0);
+    let (mut partition, mut simplify) = (0.0, cluster_seconds(passes, threads, 1));
     for (number, pass) in passes.iter().enumerate() {
         let faces = pass.faces_in as f64;
         partition += CUT_SECONDS + faces / PARTITION_FACES_PER_SECOND / speed_up(u64::MAX);
-        let is_first = number == 0 || passes[number - 1].is_remesh;
-        let rate = match is_first {
-            _ if pass.is_remesh => REMESH_FACES_PER_SECOND,
-            _ if pass.is_trim => TRIM_FACES_PER_SECOND,
-            true => FIRST_FACES_PER_SECOND,
-            false => LATER_FACES_PER_SECOND,
-        };
-        simplify += faces / rate / speed_up(pass.clusters);
         if pass.clusters > 1 && !pass.is_remesh {
             // The sample is simplified on one thread, while the others wait or partition; half of it before the first
             // pass.
-            let share = if is_first { 0.5 } else { 1.0 };
+            let share = if is_first(passes, number) { 0.5 } else { 1.0 };
             let is_last = passes.get(number + 1).is_none_or(|next| next.is_trim);
             let purpose = Purpose { left: target as f64 / faces.max(1.0), is_last };
             simplify += share * sample_faces(pass.faces_in, purpose) as f64 / LATER_FACES_PER_SECOND;

@@ -17,7 +17,8 @@ use super::tree::{TileId, TileTree};
 use super::triangles::LevelTriangles;
 use crate::base::ordered::map_in_order;
 use crate::base::{Progress, Result, WorkLimits};
-use crate::file::buckets::{BucketWriter, Buckets, Sorted, Verbatim};
+use crate::file::buckets::{BucketWriter, Buckets, Sorted};
+use crate::file::record::Verbatim;
 use crate::model::id::ImageId;
 
 /// A triangle of a tile. One that repeats a corner is a line: it says that the border lies there.

@@ -10,7 +10,7 @@ use super::edges::{EdgeTable, HalfEdge};
 use super::id::{OpenBorder, OpenChart, OpenComponent};
 use super::seam_edge::{EdgeTexture, SeamEdge};
 use crate::base::id::{TiSlice, TiVec};
-use crate::file::buckets::Verbatim;
+use crate::file::record::Verbatim;
 use crate::mesh::ClusterMesh;
 use crate::mesh::id::{FaceId, LocalVertex, Wedge};
 use crate::model::Catalogue;

@@ -17,6 +17,7 @@ mod examples;
 mod gauge;
 mod glb;
 mod glb_reader;
+mod hands;
 mod house;
 mod in_memory;
 mod inputs;

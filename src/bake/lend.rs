@@ -1,0 +1,96 @@
+//! Has patches baked by other processes, and bakes them there.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::crew::PatchCrew;
+use super::original::Original;
+use super::painters::PAINTER_BYTES;
+use super::patch::{BakedPatch, PatchBaker, PatchSettings};
+use super::run::{painter_count, patch_bytes};
+use crate::base::{Progress, Result, WorkLimits};
+use crate::cost::Weights;
+use crate::job::Recalled;
+use crate::job::stage::{Stage, StageTask};
+use crate::lend::{LentWork, details_of};
+use crate::model::image_format::ImageFormat;
+use crate::model::{Catalogue, StoredMesh};
+use crate::partition::{ClusterId, Partition, TextureScale};
+use crate::passes::{Cost, arithmetic};
+
+/// Kind of the stages whose tasks are done by [`do_task`].
+pub const BAKE: &str = "bake";
+
+/// What a process that does tasks of a stage needs.
+#[derive(Deserialize)]
+struct BakeDetails {
+    original: Original,
+    mesh: StoredMesh,
+    partition: Partition,
+    catalogue: Catalogue,
+    /// Length of a texel, and what a surface that faces away counts as farther.
+    lengths: [f64; 2],
+    side: u32,
+    format: ImageFormat,
+    patch_faces: u64,
+}
+
+impl Recalled for BakeDetails {
+    type Context<'a> = ();
+
+    fn locate(&mut self, folder: &Path, (): &()) {
+        self.original.locate(folder, &());
+        self.mesh.locate(folder, &());
+        self.partition.locate(folder);
+    }
+
+    fn is_sound(&self, (): &()) -> bool {
+        self.original.is_sound(&())
+            && self.partition.is_sound(&self.mesh, self.patch_faces)
+            && (64..=16384).contains(&self.side)
+            && self.lengths.iter().all(|length| length.is_finite())
+    }
+}
+
+/// Checksum of what the engine makes of a small mesh by its usual cost.
+pub(super) fn usual_arithmetic() -> u64 {
+    arithmetic::checksum(usual_cost())
+}
+
+fn usual_cost() -> Cost {
+    Cost::Surface(Weights::default())
+}
+
+/// Whether a patch can be baked by another process.
+pub(super) fn can_lend(partition: &Partition, cluster: ClusterId) -> bool {
+    partition.face_count(cluster) > 0 && partition.weight(cluster).is_some()
+}
+
+/// Does a task of a stage of patches, within limits of memory and threads.
+///
+/// # Errors
+/// [`Error::Damaged`](crate::base::Error::Damaged) if the stage holds none; on a full disk, failed reads and writes, and
+/// damaged files.
+pub fn do_task(stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &dyn Progress) -> Result<()> {
+    let details: BakeDetails = details_of(stage)?;
+    arithmetic::refuse_other(stage, usual_cost())?;
+    let BakeDetails { original, mesh, partition, catalogue, lengths: [texel, away], side, format, .. } = &details;
+    let painters = painter_count(*side, limits);
+    let settings = PatchSettings { texel: *texel, away: *away, side: *side, painters };
+    let scale = TextureScale::none(catalogue);
+    let baker = PatchBaker::new(original, &settings, progress);
+    let crew = PatchCrew { baker, partition, mesh, catalogue, scale: &scale, format: *format };
+    let folder = stage.path().with_file_name("");
+    let work = LentWork {
+        partition,
+        has_pieces: true,
+        can_lend: &|cluster| can_lend(partition, cluster),
+        bytes: &|cluster| patch_bytes(*side, partition, cluster),
+        work: &|cluster| crew.bake(cluster, &folder).map(|(baked, content)| (baked, Some(content))),
+        add: &|baked: &mut BakedPatch, piece| baked.pieces.push(piece),
+        files: &|baked: &BakedPatch| baked.images.iter().map(|image| image.path.clone()).collect(),
+    };
+    let left = WorkLimits { work_bytes: limits.work_bytes.saturating_sub(painters as u64 * PAINTER_BYTES), ..limits };
+    work.run(stage, task, left, progress)
+}

@@ -1,0 +1,69 @@
+//! The folders of stages in a work folder.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::job::names::is_phase_file;
+use crate::os::durable::sync_folder;
+
+/// Name of the file of a stage in its folder.
+pub(super) const STAGE_FILE: &str = "stage.bin";
+const PREFIX: &str = "stage-";
+/// Endings of the files of tasks that lie in no other folder.
+const ENDINGS: [&str; 2] = [".error", ".taken"];
+/// How often a folder is emptied, since a late process may write to it meanwhile.
+const REMOVALS_MAX: usize = 5;
+
+/// Name of the folder of a stage.
+pub(super) fn folder_name(id: u64) -> String {
+    format!("{PREFIX}{id:016x}")
+}
+
+/// Whether a folder has the name of a stage's folder, and holds nothing but what processes that do tasks write.
+pub(in crate::job) fn is_stage_folder(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let number = name.strip_prefix(PREFIX).unwrap_or_default();
+    let is_named = number.len() == 16 && number.bytes().all(|c| matches!(c, b'0'..=b'9' | b'a'..=b'f'));
+    let is_folder = fs::symlink_metadata(path).is_ok_and(|meta| meta.is_dir());
+    is_named && is_folder && fs::read_dir(path).is_ok_and(|mut entries| entries.all(|entry| entry.is_ok_and(is_own)))
+}
+
+fn is_own(entry: fs::DirEntry) -> bool {
+    let name = entry.file_name();
+    let name = name.to_string_lossy();
+    let with = |ending| name.strip_suffix(ending).is_some_and(|stem| is_phase_file(&format!("{stem}.state")));
+    let is_of_task = is_phase_file(&name) || ENDINGS.into_iter().any(with);
+    let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+    is_file && (is_of_task || name == STAGE_FILE || (name.starts_with(STAGE_FILE) && name.ends_with(".tmp")))
+}
+
+/// Folders of stages in a work folder.
+pub fn stages(work: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(work).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path()).filter(|path| is_stage_folder(path)).collect()
+}
+
+/// Removes the folders of all stages but one: processes that do tasks of them end.
+pub(in crate::job) fn remove_stages(work: &Path, but: Option<&Path>) {
+    stages(work).iter().filter(|path| Some(path.as_path()) != but).for_each(|path| remove_folder(path));
+}
+
+/// Removes the folder of a stage, the stage first: processes that do its tasks find it over. What else lies there stays,
+/// and the folder with it.
+pub(super) fn remove_folder(path: &Path) {
+    let _ = fs::remove_file(path.join(STAGE_FILE));
+    for _ in 0..REMOVALS_MAX {
+        let entries = fs::read_dir(path).into_iter().flatten().flatten();
+        entries.map(|entry| entry.path()).for_each(|path| drop(fs::remove_file(path)));
+        if fs::remove_dir(path).is_ok() || !path.exists() {
+            break;
+        }
+    }
+    let _ = sync_folder(path);
+}
+
+/// Sizes of the files in the folders of stages, in bytes.
+pub(in crate::job) fn sizes(work: &Path) -> u64 {
+    let files = stages(work).into_iter().flat_map(|path| fs::read_dir(path).into_iter().flatten().flatten());
+    files.filter_map(|entry| entry.metadata().ok()).map(|meta| meta.len()).sum()
+}

@@ -1,0 +1,42 @@
+//! Who does the tasks of a stage.
+
+use std::fmt::Debug;
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::stage_file::Stage;
+use crate::base::{Progress, Result};
+
+/// Has tasks of stages done, wherever that is: [`do_task`](crate::pipeline::do_task) does one.
+///
+/// What was done is seen by the results, not by what this returns.
+pub trait Hands: Debug + Send + Sync {
+    /// Has the tasks of a stage done that have no results yet; returns once it will have no more of them done. It may do
+    /// a task several times, and leave others out: the stage is then lent again.
+    ///
+    /// # Errors
+    /// If no task can be done ever; [`Error::Stopped`](crate::base::Error::Stopped) if `progress` asks for it.
+    fn lend(&self, stage: &Stage, progress: &dyn Progress) -> Result<()>;
+}
+
+/// How a job has its tasks done elsewhere.
+#[derive(Debug, Clone)]
+pub struct Lending {
+    /// Who does them.
+    pub hands: Arc<dyn Hands>,
+    /// Tasks of a stage, at most.
+    pub tasks: u32,
+    /// How often a stage is lent until all of its tasks have results.
+    pub tries: u32,
+    /// How long names of finished files may take to appear.
+    pub patience: Duration,
+}
+
+impl Lending {
+    /// Shared file systems show a new file to other machines after this time at the latest.
+    pub const PATIENCE: Duration = Duration::from_secs(90);
+    /// Default of `tasks`.
+    pub const TASKS: u32 = 64;
+    /// Default of `tries`.
+    pub const TRIES: u32 = 3;
+}

@@ -1,0 +1,245 @@
+//! Lends a stage: has its tasks done, and takes their results into the work folder.
+//!
+//! ```text
+//! place ──▶ lend, until every task has sound results ──▶ take: rename into the work folder, record ──▶ remove
+//!             ╰── up to `tries` times ──╯
+//! ```
+
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use super::folder::{remove_folder, remove_stages};
+use super::hands::Lending;
+use super::results::{RESULTS, ResultFrame, TaskContents};
+use super::stage_file::{Order, Stage, StageTask};
+use crate::base::threads::start;
+use crate::base::{Error, Progress, Result, counted};
+use crate::file::name::is_file_name;
+use crate::job::WorkFolder;
+use crate::job::names::is_phase_file;
+use crate::job::recalled::Recalled;
+use crate::job::step::{Step, StepKey};
+use crate::os::durable::{give_name, sync_folder};
+
+/// Ending of the file that says that a task's results are in the work folder.
+pub(super) const TAKEN: &str = "taken";
+/// Time between two looks at the folder of a stage.
+const LOOK_INTERVAL: Duration = Duration::from_millis(200);
+/// How long names may take to appear after the hands have failed.
+const SHORT_PATIENCE: Duration = Duration::from_secs(2);
+
+/// Results of a task, in the work folder.
+#[derive(Debug, Clone)]
+pub struct LentTask {
+    /// The step that recorded it.
+    pub key: StepKey,
+    frames: Vec<ResultFrame>,
+}
+
+impl LentTask {
+    /// Items that have results, in the order in which they were done.
+    pub fn items(&self) -> impl Iterator<Item = u32> + '_ {
+        self.frames.iter().map(|frame| frame.item)
+    }
+
+    /// Reads the result of an item; `work` is the work folder.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] if it is not sound, or there is none.
+    pub fn read<T: Recalled>(&self, work: &Path, item: u32, context: &T::Context<'_>) -> Result<T> {
+        let path = work.join(format!("{}.{RESULTS}", self.key.name()));
+        let frame = self.frames.iter().find(|frame| frame.item == item);
+        let missing = || Error::Damaged { path: path.clone(), message: format!("it has no result of item {item}") };
+        frame.ok_or_else(missing)?.read(&path, work, context)
+    }
+}
+
+/// What the journal records of a task.
+#[derive(Serialize, Deserialize)]
+struct TaskFrames(Vec<ResultFrame>);
+
+impl Recalled for TaskFrames {
+    type Context<'a> = ();
+
+    // Each frame is compared with the length of its file before it is read.
+    fn is_sound(&self, (): &()) -> bool {
+        true
+    }
+}
+
+impl WorkFolder {
+    /// Returns the results of a task that an earlier process recorded; `None` if there are none, or not intact ones.
+    ///
+    /// # Errors
+    /// Those of [`recall`](WorkFolder::recall).
+    pub fn recall_lent(&self, key: &StepKey) -> Result<Option<LentTask>> {
+        let frames = self.recall::<TaskFrames>(key, &())?;
+        Ok(frames.map(|TaskFrames(frames)| LentTask { key: key.clone(), frames }))
+    }
+
+    /// Has those tasks of a stage done that are `wanted`, and takes their results; `parent` is the step that they are
+    /// computed from.
+    ///
+    /// # Errors
+    /// [`Error::Elsewhere`] if a task cannot be done; [`Error::Stopped`]; on a full disk, failed reads and writes.
+    pub fn lend(
+        &self,
+        lending: &Lending,
+        order: Order,
+        wanted: impl Fn(&StageTask) -> bool,
+        parent: &StepKey,
+        progress: &dyn Progress,
+    ) -> Result<Vec<LentTask>> {
+        let stage = Stage::place(self.path(), order)?;
+        remove_stages(self.path(), stage.path().parent());
+        let wanted: Vec<&StageTask> = stage.tasks().iter().filter(|task| wanted(task)).collect();
+        self.note_steps();
+        let contents = have_done(lending, &stage, &wanted, progress)?;
+        let mut taken = Vec::with_capacity(wanted.len());
+        for (task, contents) in wanted.into_iter().zip(contents) {
+            taken.push(self.take(&stage, task, contents, parent)?);
+        }
+        if let Some(folder) = stage.path().parent() {
+            remove_folder(folder);
+        }
+        Ok(taken)
+    }
+
+    /// Moves the results of a task into the work folder, and records them.
+    fn take(&self, stage: &Stage, task: &StageTask, contents: TaskContents, parent: &StepKey) -> Result<LentTask> {
+        let folder = stage.path().with_file_name("");
+        let results = format!("{}.{RESULTS}", task.key.name());
+        let mut paths = Vec::new();
+        for name in contents.files.iter().map(|stamp| stamp.name()).chain([results.as_str()]) {
+            let path = self.path().join(name);
+            give_name(&folder.join(name), &path)?;
+            paths.push(path);
+        }
+        sync_folder(&self.path().join(&results))?;
+        let step = Step::new(task.key.clone()).from([parent.clone()]).of_size(task.amount);
+        self.keep(step, paths.iter().map(|path| path.as_path()), &TaskFrames(contents.frames.clone()))?;
+        let taken = stage.file_of(task, TAKEN);
+        std::fs::write(&taken, []).map_err(|e| Error::io(&taken, "write", e))?;
+        Ok(LentTask { key: task.key.clone(), frames: contents.frames })
+    }
+}
+
+impl Stage {
+    /// Whether a process that is to do a task finds it done.
+    pub fn is_done(&self, task: &StageTask) -> bool {
+        self.file_of(task, TAKEN).exists() || self.contents(task).is_some()
+    }
+
+    /// Table of contents of a task's results, if they are whole.
+    fn contents(&self, task: &StageTask) -> Option<TaskContents> {
+        let contents = TaskContents::read(&self.file_of(task, RESULTS)).ok()??;
+        let folder = self.path().with_file_name("");
+        let is_of_task = |name: &str| is_file_name(name) && is_phase_file(name);
+        let is_whole = contents.stage == self.id()
+            && contents.files.iter().all(|stamp| is_of_task(stamp.name()) && stamp.is_at_head(&folder))
+            && contents.frames.iter().all(|frame| frame.item.checked_sub(task.first).is_some_and(|i| i < task.count));
+        is_whole.then_some(contents)
+    }
+}
+
+/// Has tasks done until all of them have whole results.
+fn have_done(
+    lending: &Lending,
+    stage: &Stage,
+    wanted: &[&StageTask],
+    progress: &dyn Progress,
+) -> Result<Vec<TaskContents>> {
+    let seen = Watch { stage, wanted, is_over: AtomicBool::new(false) };
+    for tried in 1..=lending.tries.max(1) {
+        wanted.iter().for_each(|task| stage.forget_failure(task));
+        let lent = if wanted.iter().all(|task| stage.contents(task).is_some()) {
+            Ok(())
+        } else {
+            seen.during(progress, || lending.hands.lend(stage, progress))
+        };
+        if matches!(lent, Err(Error::Stopped)) {
+            return Err(Error::Stopped);
+        }
+        let patience = if lent.is_ok() { lending.patience } else { SHORT_PATIENCE };
+        let contents = wait_for(stage, wanted, patience, progress)?;
+        let missing: Vec<usize> = (0..wanted.len()).filter(|&i| contents[i].is_none()).collect();
+        let Some(&first) = missing.first() else { return Ok(contents.into_iter().flatten().collect()) };
+        let numbers = |i: usize| stage.tasks().iter().position(|task| task == wanted[i]).unwrap_or(i);
+        let mut failures = missing.iter().filter_map(|&i| Some((numbers(i), stage.failure(wanted[i])?)));
+        let last = failures.next();
+        if let Some((task, failure)) = last.clone().into_iter().chain(failures).find(|(_, failure)| failure.is_final())
+        {
+            return Err(failure.into_error(task));
+        }
+        lent?;
+        let all = counted(wanted.len() as u64, "task");
+        progress.tell(&format!("{} of {all} have no result after try {tried} of {}", missing.len(), lending.tries));
+        if tried == lending.tries.max(1) {
+            let what = format!("task {} of {all} has no result after {tried} tries", numbers(first));
+            let error = last.map(|(task, failure)| failure.into_error(task).to_string());
+            let message = error.map_or(what.clone(), |error| format!("{what}; {error}"));
+            return Err(Error::Elsewhere { kind: crate::base::ErrorKind::Io, message });
+        }
+    }
+    Err(Error::Stopped)
+}
+
+/// Waits until all tasks have whole results, or for some time.
+fn wait_for(
+    stage: &Stage,
+    wanted: &[&StageTask],
+    patience: Duration,
+    progress: &dyn Progress,
+) -> Result<Vec<Option<TaskContents>>> {
+    let began = Instant::now();
+    let mut found: Vec<Option<TaskContents>> = vec![None; wanted.len()];
+    loop {
+        for (found, task) in found.iter_mut().zip(wanted).filter(|(found, _)| found.is_none()) {
+            *found = stage.contents(task);
+        }
+        // A process that failed says so: its results will not appear.
+        let may_come =
+            |(found, task): (&Option<TaskContents>, &&StageTask)| found.is_none() && stage.failure(task).is_none();
+        if !found.iter().zip(wanted).any(may_come) || began.elapsed() >= patience {
+            return Ok(found);
+        }
+        progress.check_stopped()?;
+        thread::sleep(LOOK_INTERVAL);
+    }
+}
+
+/// Tells how far the tasks are, while they are done elsewhere.
+struct Watch<'a> {
+    stage: &'a Stage,
+    wanted: &'a [&'a StageTask],
+    is_over: AtomicBool,
+}
+
+impl Watch<'_> {
+    fn during<T>(&self, progress: &dyn Progress, work: impl FnOnce() -> T) -> T {
+        self.is_over.store(false, Ordering::SeqCst);
+        thread::scope(|scope| {
+            // Without a thread for it, nobody hears of it.
+            let _watching = start(scope, || self.watch(progress));
+            let result = work();
+            self.is_over.store(true, Ordering::SeqCst);
+            result
+        })
+    }
+
+    fn watch(&self, progress: &dyn Progress) {
+        let mut left = self.wanted.to_vec();
+        while !self.is_over.load(Ordering::SeqCst) {
+            thread::sleep(LOOK_INTERVAL);
+            left.retain(|task| {
+                let is_done = self.stage.file_of(task, RESULTS).exists();
+                progress.advance(if is_done { task.amount } else { 0 });
+                !is_done
+            });
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! A checksum of what the engine makes of a small mesh: processes whose processor or mathematics differ have another
+//! one, and would write other bytes.
+
+use glam::DVec3;
+use xxhash_rust::xxh3::Xxh3;
+
+use super::metric_engine::EngineRules;
+use super::options::Cost;
+use super::stop_rule::{ClusterStop, Wanted};
+use crate::base::error::escape_path;
+use crate::base::id::TiVec;
+use crate::base::{Error, Result};
+use crate::cost::mesh_stats::MeshStats;
+use crate::job::stage::Stage;
+use crate::mesh::ClusterMesh;
+use crate::model::id::{PartId, Texcoord};
+use crate::model::{Catalogue, Face};
+use crate::partition::TextureScale;
+use crate::partition::id::PartitionVertex;
+use crate::partition::reading::ClusterFaces;
+
+/// Vertices along a side of the mesh.
+const SIDE: u32 = 24;
+/// Faces that are left of it.
+const LEFT: u64 = 300;
+
+/// Simplifies a small textured hill by this cost; returns a checksum of the result.
+pub fn checksum(cost: Cost) -> u64 {
+    let mesh = hill();
+    let mut engine = cost.engine();
+    if engine.needs_statistics() {
+        let mut stats = MeshStats::default();
+        mesh.positions.iter().for_each(|&position| stats.enclose(position));
+        engine.count(mesh.clone(), &mut stats);
+        engine.normalise(&stats);
+    }
+    let stop = ClusterStop::Faces(vec![0.5, 0.2], LEFT);
+    let mesh = engine.simplify(mesh, &EngineRules::default(), &stop, Wanted::Mesh).mesh.unwrap_or_default();
+    let mut hash = Xxh3::new();
+    for face in mesh.living_faces() {
+        hash.update(bytemuck::cast_slice(&mesh.triangle(face).map(|p| p.to_array())));
+        hash.update(bytemuck::cast_slice(&mesh.uv_triangle(face).map(|p| p.to_array())));
+    }
+    hash.digest()
+}
+
+/// Refuses to do tasks of a stage where the engine makes something else of the same mesh.
+///
+/// # Errors
+/// [`Error::Changed`].
+pub fn refuse_other(stage: &Stage, cost: Cost) -> Result<()> {
+    if stage.arithmetic() == checksum(cost) {
+        return Ok(());
+    }
+    let words = "this machine computes other results than the one that began the job";
+    Err(Error::Changed(format!("{}: {words}", escape_path(&stage.path()))))
+}
+
+fn hill() -> ClusterMesh {
+    let vertex = |x: u32, y: u32| SIDE * y + x;
+    let of_all = |make: &dyn Fn(f64, f64) -> DVec3| -> Vec<DVec3> {
+        (0..SIDE * SIDE).map(|i| make(f64::from(i % SIDE), f64::from(i / SIDE))).collect()
+    };
+    let positions: TiVec<PartitionVertex, DVec3> =
+        of_all(&|x, y| DVec3::new(x, y, libm::sin(0.9 * x) * libm::cos(0.7 * y) + libm::sqrt(x * y + 0.3))).into();
+    let texcoords = of_all(&|x, y| DVec3::new(x, y, 0.0) / f64::from(SIDE)).iter().map(|p| p.truncate()).collect();
+    let mut faces = Vec::new();
+    for (x, y) in (0..SIDE - 1).flat_map(|y| (0..SIDE - 1).map(move |x| (x, y))) {
+        let [a, b, c, d] = [vertex(x, y), vertex(x + 1, y), vertex(x + 1, y + 1), vertex(x, y + 1)];
+        for corners in [[a, b, c], [a, c, d]] {
+            let (vertices, texcoords) = (corners.map(PartitionVertex::new), corners.map(Texcoord::new));
+            faces.push(Face { vertices, texcoords, part: PartId::new(0), ..Face::default() });
+        }
+    }
+    let catalogue = Catalogue::default();
+    let scale = TextureScale::none(&catalogue);
+    ClusterFaces::whole(faces, &positions, texcoords, false, false).into_whole(&catalogue, &scale).mesh
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cost::Weights;
+
+    #[test]
+    fn it_is_the_same_each_time_and_another_one_for_another_cost() {
+        let cost = Cost::Surface(Weights::default());
+        assert_eq!(checksum(cost), checksum(cost));
+        assert_ne!(checksum(cost), checksum(Cost::Surface(Weights { uv: 0.0, ..Weights::default() })));
+    }
+}

@@ -1,0 +1,93 @@
+//! Lends the clusters of a pass that remeshes to other processes, and does them there.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::arithmetic;
+use super::options::Cost;
+use super::remesh::{RemeshPass, RemeshedCluster, Remesher, remesh_bytes};
+use super::run::Run;
+use super::steps::PassStep;
+use crate::base::{Progress, Result, WorkLimits};
+use crate::job::Recalled;
+use crate::job::stage::{Stage, StageTask};
+use crate::lend::{Lendable, LentClusters, LentWork, details_of, encoded, lend};
+use crate::model::{Catalogue, StoredMesh};
+use crate::partition::{ClusterId, Partition, TextureScale};
+use crate::remesh::cvd::{CvdSettings, FrozenStatistics};
+
+/// Kind of the stages whose tasks are done by [`do_task`].
+pub const REMESH: &str = "remesh";
+
+/// What a process that does tasks of a stage needs.
+#[derive(Deserialize)]
+struct RemeshDetails {
+    settings: CvdSettings,
+    frame: FrozenStatistics,
+    partition: Partition,
+    mesh: StoredMesh,
+    catalogue: Catalogue,
+    scale: TextureScale,
+    cost: Cost,
+    cluster_faces: u64,
+}
+
+impl Recalled for RemeshDetails {
+    type Context<'a> = ();
+
+    fn locate(&mut self, folder: &Path, (): &()) {
+        self.partition.locate(folder);
+        self.mesh.locate(folder, &());
+    }
+
+    fn is_sound(&self, (): &()) -> bool {
+        self.partition.is_sound(&self.mesh, self.cluster_faces) && self.scale.is_sound(&self.catalogue)
+    }
+}
+
+impl Run<'_> {
+    /// Has clusters remeshed by other processes, if the job has any; returns what they did, now or before.
+    pub(super) fn lend_remesh(&self, pass: &RemeshPass<'_>) -> Result<LentClusters> {
+        let RemeshPass { number, settings, frame, partition } = *pass;
+        let what = Lendable {
+            kind: REMESH,
+            partition,
+            clusters: partition.clusters().filter(|&cluster| can_lend(partition, cluster)).collect(),
+            prefix: PassStep::prefix_of_clusters(number, 0),
+            parent: PassStep::Stops { pass: number, attempt: 0 }.key(),
+            arithmetic: arithmetic::checksum(self.options.cost),
+            is_counted: true,
+        };
+        let Remesher { mesh, catalogue, scale, .. } = self.remesher(pass);
+        let (cost, cluster_faces) = (self.options.cost, self.options.cluster_faces);
+        let details = (settings, frame, partition, mesh, catalogue, scale, cost, cluster_faces);
+        lend(self.job, &what, || encoded(&details), self.progress)
+    }
+}
+
+fn can_lend(partition: &Partition, cluster: ClusterId) -> bool {
+    partition.face_count(cluster) > 0 && partition.weight(cluster).is_some()
+}
+
+/// Does a task of a stage of clusters that are remeshed, within limits of memory and threads.
+///
+/// # Errors
+/// [`Error::Damaged`](crate::base::Error::Damaged) if the stage holds none; on a full disk, failed reads and writes, and
+/// damaged files.
+pub fn do_task(stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &dyn Progress) -> Result<()> {
+    let details: RemeshDetails = details_of(stage)?;
+    arithmetic::refuse_other(stage, details.cost)?;
+    let RemeshDetails { settings, frame, partition, mesh, catalogue, scale, .. } = &details;
+    let remesher = Remesher { settings, frame, partition, mesh, catalogue, scale };
+    let work = LentWork {
+        partition,
+        has_pieces: true,
+        can_lend: &|cluster| can_lend(partition, cluster),
+        bytes: &|cluster| remesh_bytes(partition, cluster),
+        work: &|cluster| remesher.remesh(cluster),
+        add: &|result: &mut RemeshedCluster, piece| result.pieces.push(piece),
+        files: &|_| Vec::new(),
+    };
+    work.run(stage, task, limits, progress)
+}

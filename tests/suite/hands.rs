@@ -1,0 +1,228 @@
+//! Tasks that are done elsewhere: the result has the same bytes, whoever does them, in whatever order and how often.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use crate::meshes::{contents, in_many_clusters, noise, ratio, terrain, town};
+use drystone::base::{ErrorKind, Progress, Result, Silent};
+use drystone::job::stage::{Hands, Lending, Stage, stages};
+use drystone::options::{CvdSettings, Limits, MetricChoice, SimplifyOptions, Target};
+use drystone::pipeline::{self, TaskEnd, do_task};
+
+const LIMITS: Limits = Limits { memory: Some(128 << 20), threads: Some(1) };
+
+/// Does tasks in random order and some of them twice at once; leaves some out at first.
+#[derive(Debug, Default)]
+struct Careless {
+    seed: usize,
+    lent: AtomicUsize,
+    done: AtomicUsize,
+    seen: Mutex<HashSet<u64>>,
+}
+
+impl Careless {
+    fn chance(&self, index: usize, of: usize) -> f64 {
+        noise(self.seed + index, self.lent.load(Ordering::Relaxed), of as u64)
+    }
+}
+
+impl Hands for Careless {
+    fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<()> {
+        let is_first = self.seen.lock().unwrap().insert(stage.id());
+        let mut tasks: Vec<usize> = (0..stage.tasks().len()).collect();
+        tasks.sort_by(|&a, &b| self.chance(a, 1).total_cmp(&self.chance(b, 1)));
+        self.lent.fetch_add(1, Ordering::Relaxed);
+        for task in tasks.into_iter().filter(|&task| !is_first || self.chance(task, 2) > 0.2) {
+            let work = || do_task(&stage.path(), task, LIMITS, &Silent).unwrap();
+            std::thread::scope(|scope| {
+                let twin = (self.chance(task, 3) > 0.7).then(|| scope.spawn(work));
+                assert_ne!(work(), TaskEnd::Over);
+                twin.map(|twin| assert_ne!(twin.join().unwrap(), TaskEnd::Over));
+            });
+            self.done.fetch_add(1, Ordering::Relaxed);
+        }
+        Ok(())
+    }
+}
+
+fn lending(hands: Arc<dyn Hands>, tasks: u32) -> Lending {
+    Lending { hands, tasks, tries: 3, patience: Duration::from_millis(1) }
+}
+
+/// The result and its other files, without the work folder.
+fn result(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    contents(folder).into_iter().filter(|(path, _)| !path.to_string_lossy().contains(".work")).collect()
+}
+
+/// Simplifies by this process alone, and with the help of others; the bytes must be the same. Returns the number of
+/// tasks that were done elsewhere.
+fn same_bytes(input: &Path, options: &SimplifyOptions, tasks: u32, seed: usize) -> usize {
+    let [alone, helped] = [(), ()].map(|()| tempfile::tempdir().unwrap());
+    let expected = pipeline::simplify(input, &alone.path().join("out.obj"), options, &Silent).unwrap();
+    let hands = Arc::new(Careless { seed, ..Careless::default() });
+    let output = helped.path().join("out.obj");
+    let report = pipeline::simplify_elsewhere(input, &output, options, lending(hands.clone(), tasks), &Silent).unwrap();
+    assert_eq!(report.faces.output, expected.faces.output);
+    assert!(result(alone.path()) == result(helped.path()), "{options:?}");
+    assert_eq!(std::fs::read_dir(helped.path()).unwrap().count(), std::fs::read_dir(alone.path()).unwrap().count());
+    hands.done.load(Ordering::Relaxed)
+}
+
+#[test]
+fn tasks_in_any_order_done_twice_or_late_give_the_same_bytes() {
+    for (seed, tasks) in [(1, 3), (2, 7), (3, 64)] {
+        for share in [0.5, 0.05] {
+            assert!(same_bytes(&town(), &in_many_clusters(ratio(share)), tasks, seed) > 0);
+        }
+    }
+}
+
+#[test]
+fn every_metric_gives_the_same_bytes() {
+    use MetricChoice::{Curvature, Oblique, Qem, Qem1997, QemAttributes, Sharpness, Terrain};
+    for metric in [Qem, QemAttributes, Qem1997, Oblique, Curvature, Terrain, Sharpness] {
+        let options = in_many_clusters(SimplifyOptions { metric: Some(metric), optimize: true, ..ratio(0.3) });
+        assert!(same_bytes(&town(), &options, 5, 4) > 0, "{metric:?}");
+    }
+}
+
+#[test]
+fn a_bound_a_remeshing_and_a_bake_give_the_same_bytes() {
+    let bounded = SimplifyOptions { target: Target::max_error(0.05), ..ratio(1.0) };
+    let remeshed = SimplifyOptions { remesh: Some(CvdSettings::default()), ..ratio(0.3) };
+    let baked = SimplifyOptions { textures: drystone::options::TextureFiles::Bake, atlas: 256, ..ratio(0.2) };
+    for options in [bounded, remeshed, baked] {
+        assert!(same_bytes(&town(), &in_many_clusters(options), 5, 5) > 0);
+    }
+}
+
+#[test]
+fn trials_and_clusters_that_pass_through_give_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("terrain.obj");
+    std::fs::write(&input, terrain(80).text()).unwrap();
+    for faces in [6_000, 1_501] {
+        let options = SimplifyOptions { target: Target::faces(faces), ..SimplifyOptions::default() };
+        assert!(same_bytes(&input, &in_many_clusters(options), 6, 6) > 0, "{faces}");
+    }
+    // Copies of one face, which no cut divides.
+    std::fs::write(&input, terrain(50).text() + &"f 1 2 3\n".repeat(6_000)).unwrap();
+    assert!(same_bytes(&input, &in_many_clusters(ratio(0.5)), 6, 7) > 0);
+}
+
+/// Does nothing, or fails, as it is told.
+#[derive(Debug)]
+struct Idle(Option<ErrorKind>);
+
+impl Hands for Idle {
+    fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<()> {
+        if let Some(kind) = self.0 {
+            let error = drystone::Error::Elsewhere { kind, message: "of no use".into() };
+            stage.note_failure(&stage.tasks()[1], &error);
+        }
+        Ok(())
+    }
+}
+
+fn town_elsewhere(folder: &Path, hands: Arc<dyn Hands>) -> Result<drystone::Report> {
+    let options = in_many_clusters(ratio(0.3));
+    pipeline::simplify_elsewhere(town(), &folder.join("out.obj"), &options, lending(hands, 6), &Silent)
+}
+
+#[test]
+fn a_task_without_a_result_ends_the_job_and_the_same_call_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = town_elsewhere(folder.path(), Arc::new(Idle(None))).unwrap_err();
+    assert!(error.to_string().contains("task 0 of 6 tasks has no result after 3 tries"), "{error}");
+    let work = folder.path().join("out.obj.work");
+    assert_eq!(stages(&work).len(), 1);
+    let hands = Arc::new(Careless::default());
+    let report = town_elsewhere(folder.path(), hands.clone()).unwrap();
+    assert!(report.resumed && hands.done.load(Ordering::Relaxed) > 0 && !work.exists());
+}
+
+#[test]
+fn a_task_that_fails_everywhere_is_not_tried_again() {
+    for kind in [ErrorKind::Changed, ErrorKind::Damaged, ErrorKind::NoSpace, ErrorKind::Budget] {
+        let folder = tempfile::tempdir().unwrap();
+        let error = town_elsewhere(folder.path(), Arc::new(Idle(Some(kind)))).unwrap_err();
+        assert!(error.kind() == kind && error.to_string().starts_with("task 1 failed on "), "{error}");
+        assert!(error.to_string().ends_with(": of no use"), "{error}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let error = town_elsewhere(folder.path(), Arc::new(Idle(Some(ErrorKind::Io)))).unwrap_err();
+    assert!(error.to_string().contains("after 3 tries; task 1 failed on"), "{error}");
+}
+
+/// Does all tasks, then spoils some results: cut short, changed, of another stage.
+#[derive(Debug, Default)]
+struct Spoiler {
+    lent: AtomicU64,
+}
+
+impl Hands for Spoiler {
+    fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<()> {
+        for task in 0..stage.tasks().len() {
+            assert_ne!(do_task(&stage.path(), task, LIMITS, &Silent).unwrap(), TaskEnd::Over);
+        }
+        if self.lent.fetch_add(1, Ordering::Relaxed).is_multiple_of(2) {
+            for (task, ending) in [(0, "results"), (1, "piece")] {
+                let path = stage.file_of(&stage.tasks()[task], ending);
+                let bytes = std::fs::read(&path).unwrap_or_default();
+                std::fs::write(&path, &bytes[..bytes.len() * 2 / 3]).unwrap();
+            }
+            let path = stage.file_of(&stage.tasks()[2], "results");
+            let mut bytes = std::fs::read(&path).unwrap();
+            let at = bytes.len() / 2;
+            bytes[at] ^= 1;
+            std::fs::write(&path, bytes).unwrap();
+            std::fs::copy(stage.file_of(&stage.tasks()[4], "results"), stage.file_of(&stage.tasks()[3], "results"))
+                .unwrap();
+        }
+        Ok(())
+    }
+}
+
+#[test]
+fn spoilt_results_count_as_none() {
+    let [alone, helped] = [(), ()].map(|()| tempfile::tempdir().unwrap());
+    let options = in_many_clusters(ratio(0.3));
+    pipeline::simplify(town(), &alone.path().join("out.obj"), &options, &Silent).unwrap();
+    let output = helped.path().join("out.obj");
+    let hands = lending(Arc::new(Spoiler::default()), 8);
+    pipeline::simplify_elsewhere(town(), &output, &options, hands, &Silent).unwrap();
+    assert!(result(alone.path()) == result(helped.path()));
+}
+
+/// Keeps the paths of stages, and does their tasks.
+#[derive(Debug, Default)]
+struct Late {
+    stages: Mutex<Vec<PathBuf>>,
+}
+
+impl Hands for Late {
+    fn lend(&self, stage: &Stage, progress: &dyn Progress) -> Result<()> {
+        for path in self.stages.lock().unwrap().iter() {
+            assert_eq!(do_task(path, 0, LIMITS, &Silent).unwrap(), TaskEnd::Over);
+        }
+        self.stages.lock().unwrap().push(stage.path());
+        Careless::default().lend(stage, progress)
+    }
+}
+
+#[test]
+fn who_comes_late_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let hands = Arc::new(Late::default());
+    town_elsewhere(folder.path(), hands.clone()).unwrap();
+    let before = contents(folder.path());
+    let stages = hands.stages.lock().unwrap();
+    assert!(stages.len() >= 3);
+    for path in stages.iter() {
+        assert_eq!(do_task(path, 0, LIMITS, &Silent).unwrap(), TaskEnd::Over);
+    }
+    assert!(before == contents(folder.path()));
+}
