@@ -1,4 +1,7 @@
-"""Records: frozen dataclasses with the names and the values of a JSON object."""
+"""Records: frozen dataclasses with the names and the values of a JSON object.
+
+A field that is a dict is `field(hash=False)`: records compare it, and their hash leaves it out.
+"""
 
 import dataclasses
 import types

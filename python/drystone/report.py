@@ -4,7 +4,7 @@
 in bytes, times in seconds, lengths in the mesh's unit, shares between 0 and 1.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from drystone.record import Record
@@ -47,7 +47,7 @@ class Options(Record):
     passes: int
     metric: str | None
     metric_option: tuple[str, ...]
-    remesh: dict[str, Any] | None
+    remesh: dict[str, Any] | None = field(hash=False)
     optimize: bool
     one_by_one: bool
     exclude: tuple[str, ...]
@@ -479,7 +479,7 @@ class Report(Record):
     passes: tuple[Pass, ...]
     floor: Floor | None
     comparison: Comparison | None
-    repairs: dict[str, int]
+    repairs: dict[str, int] = field(hash=False)
     warnings: tuple[str, ...]
 
 
@@ -631,7 +631,7 @@ class Inspection(Record):
     welded_vertices: int
     unused_vertices: int
     topology: Topology
-    faults: dict[str, int]
+    faults: dict[str, int] = field(hash=False)
     warnings: tuple[str, ...]
 
 

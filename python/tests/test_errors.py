@@ -193,3 +193,14 @@ def test_a_report_travels_between_processes(tmp_path):
     vertices, faces = grid(5)
     mesh = drystone.simplify_mesh(vertices, faces, ratio=0.5)
     assert pickle.loads(pickle.dumps(mesh)).report == mesh.report
+
+
+def test_equal_records_have_equal_hashes(tmp_path):
+    report = drystone.simplify(TOWN, tmp_path / "a.obj", ratio=0.5)
+    inspection = drystone.inspect(TOWN)
+    others = [drystone.plan(TOWN, ratio=0.5), drystone.check(TOWN), drystone.compare(TOWN, TOWN, samples=1000)]
+    for record in [report, report.options, inspection, *others]:
+        copy = type(record).from_dict(record.to_dict())
+        assert {record: 1}[copy] == 1
+    other = drystone.Inspection.from_dict(inspection.to_dict() | {"faults": {"none": 1}})
+    assert other != inspection and len({other, inspection}) == 2
