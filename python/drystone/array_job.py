@@ -13,6 +13,7 @@ finds the work folder locked, or made for other arrays.
 import errno
 import hashlib
 import os
+import re
 import shutil
 import tempfile
 import zlib
@@ -29,6 +30,7 @@ from drystone.array_file import ArrayMesh
 from drystone.options import PathLike, paths
 
 _MADE = "made-by-drystone"
+_ARRAYS = {"vertex": "vertices", "texture coordinate": "uv", "face": "faces"}
 
 
 class ArrayJob:
@@ -80,6 +82,13 @@ class ArrayJob:
             mesh, images = array_file.read(result)
             self._written += [result, *(self.path(name) for _, name in images)]
             return mesh, [(label, _read_image(self.path(name))) for label, name in images]
+
+    def of_arrays(self, words: str) -> str:
+        """A message of the native half, with the caller's arrays in place of the job's files."""
+        file = re.escape(self.path("input-")) + r"[0-9a-f]+\.drystone"
+        words = re.sub(f"an input was {file}, is {file}", "the arrays were others", words)
+        words = re.sub(f"{file}: ({'|'.join(_ARRAYS)}) ([0-9]+)", lambda row: f"{_ARRAYS[row[1]]}[{row[2]}]", words)
+        return re.sub(file, "the mesh", words)
 
     @contextmanager
     def _named(self, prefix: str, suffix: str) -> Iterator["_HashedFile"]:

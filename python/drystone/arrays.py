@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from drystone import _native, array_file
 from drystone.array_file import ArrayMesh
 from drystone.array_job import ArrayJob
-from drystone.errors import InputError, UsageError
+from drystone.errors import ChangedError, InputError, LimitError, MissingInputError, UsageError
 from drystone.files import call, judge
-from drystone.options import SIMPLIFY_KEYS, PathLike, Resume, SimplifyOptions, Size, flags, refuse_unknown
+from drystone.options import SIMPLIFY_KEYS, PathLike, Resume, SimplifyOptions, Size, flags, paths, refuse_unknown
 from drystone.progress import Progress
 from drystone.report import Report
 
@@ -104,10 +104,15 @@ def simplify_mesh(
         arguments = ["simplify", f"--output={result}", *flags(given), "--", source]
         try:
             code, value = call(arguments, progress, stop)
-        except InputError as error:
-            raise InputError(str(error).replace(source, "the mesh")) from None
-        report = Report.from_dict(value)
+        except MissingInputError:
+            raise
+        except (ChangedError, InputError, LimitError) as error:
+            raise type(error)(job.of_arrays(str(error))) from None
         mesh, baked = job.read(result)
+    value["warnings"] = [job.of_arrays(words) for words in value["warnings"]]
+    value |= {"input": "the mesh", "inputs": ["the mesh"], "output": "the result"}
+    value["options"]["work"] = None if work is None else paths(work)[0]
+    report = Report.from_dict(value)
     found = form.result(mesh, baked, textures, report)
     judge(report, code, strict, found)
     return found

@@ -281,6 +281,22 @@ def test_colours_of_any_kind_keep_their_range(kind):
     assert np.all(mesh.vertex_colors == np.array([top, 0, 0], kind))
 
 
+def test_messages_and_reports_name_arrays_and_no_file(tmp_path, monkeypatch, caplog):
+    monkeypatch.chdir(tmp_path)
+    vertices, faces = grid(12)
+    face_uv = faces.copy()
+    face_uv[3, 1] = -1
+    for work in (None, "a folder"):
+        mesh = drystone.simplify_mesh(vertices, faces, uv=vertices[:, :2], face_uv=face_uv, ratio=0.3, work=work)
+        (warning,) = mesh.report.warnings
+        assert warning.startswith("partial texcoords: faces[3]: only some corners")
+        assert mesh.report.input == mesh.report.inputs[0] == "the mesh" and mesh.report.output == "the result"
+        assert mesh.report.options.work == (work and str(tmp_path / work))
+        assert ".drystone" not in str(mesh.report.to_dict()) + caplog.text
+    with pytest.raises(InputError, match="^the mesh: no faces"):
+        drystone.simplify_mesh(vertices, [[0, 0, 1]], ratio=0.3)
+
+
 def test_the_target_that_was_missed_has_the_mesh():
     corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, -1, 0]]
     with pytest.raises(drystone.TargetMissedError) as caught:
