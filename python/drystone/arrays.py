@@ -1,6 +1,7 @@
 """Meshes in numpy arrays."""
 
 import numbers
+import warnings
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple, Unpack
 
@@ -66,7 +67,8 @@ def simplify_mesh(
     OBJ has them. `face_material` (m,) of integers: lines between materials are kept. `vertex_colors` (n, 3).
 
     `textures="bake"` makes new textures that show what `texture` shows: an image (height, width, 3 or 4) of uint8 or
-    of PIL, or a mapping of one for each value of `face_material`. Then seams do not hold the mesh.
+    of PIL, or a mapping of one for each value of `face_material`. Then seams do not hold the mesh. A warning says so if
+    alpha below 255 is left out.
 
     Give `ratio`, `face_count` or `max_error`, as for `simplify`; the options are the same. The result is that of the
     command line for an OBJ of the same numbers in the same order. The arrays are read once, at the beginning; the
@@ -85,6 +87,9 @@ def simplify_mesh(
     refuse_unknown("simplify_mesh", options, SIMPLIFY_KEYS)
     form = _Form(vertices, faces, uv, face_uv, face_material, vertex_colors)
     images = form.images(texture, textures)
+    if any((pixels[:, :, 3:] < 255).any() for _, pixels in images):
+        warnings.warn("texture: its alpha is left out; the new texture is opaque", stacklevel=2)
+    images = [(label, pixels[:, :, :3]) for label, pixels in images]
     with ArrayJob(work) as job:
         source = job.write(form.mesh, images)
         result = source.replace("input-", "result-")
@@ -249,14 +254,18 @@ def _of_type(colors: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
 
 
 def _pixels(image: Any) -> NDArray[np.uint8]:
-    """The colours of an image of numpy or PIL."""
+    """The colours of an image of numpy or PIL, and its alpha if it has some."""
     array_file.refuse_masked("texture", image)
     convert = getattr(image, "convert", None)
-    if callable(convert) and str(getattr(image, "mode", "")).startswith(("I", "F")):
-        raise InputError(f"texture: expected 8 bits a channel, found an image of mode {image.mode}")
-    pixels = np.asarray(convert("RGB") if callable(convert) else image)
+    mode = str(getattr(image, "mode", ""))
+    if callable(convert) and mode.startswith(("I", "F")):
+        raise InputError(f"texture: expected 8 bits a channel, found an image of mode {mode}")
+    if callable(convert):
+        has_alpha = mode.endswith(("A", "a")) or "transparency" in getattr(image, "info", {})
+        image = convert("RGBA" if has_alpha else "RGB")
+    pixels = np.asarray(image)
     if pixels.ndim == 2:
         pixels = np.repeat(pixels[:, :, None], 3, axis=2)
     if pixels.ndim != 3 or pixels.shape[2] not in (3, 4) or pixels.dtype != np.uint8 or pixels.size == 0:
         raise InputError(f"texture: expected uint8 of shape (height, width, 3), found {pixels.dtype} of {pixels.shape}")
-    return pixels[:, :, :3]
+    return pixels

@@ -1,5 +1,6 @@
 """Simplifies meshes of trimesh; imports it when it is called."""
 
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,8 +15,8 @@ if TYPE_CHECKING:
 def simplify(mesh: "Trimesh", **options: Any) -> "Trimesh":
     """Simplifies a `trimesh.Trimesh`; options are those of `drystone.simplify_mesh`.
 
-    Keeps texture coordinates and materials, or colours of vertices or faces, but not their alpha; vertices are split
-    at seams again. With `textures="bake"`, the new material shows a new image. The report is
+    Keeps texture coordinates and materials, or colours of vertices or faces; vertices are split at seams again. A
+    warning says so if alpha of vertices is left out. With `textures="bake"`, the new material shows a new image. The report is
     `result.metadata["drystone"]`.
     """
     import trimesh
@@ -29,6 +30,8 @@ def simplify(mesh: "Trimesh", **options: Any) -> "Trimesh":
         uv, labels = visual.uv, getattr(visual, "face_materials", None)
     elif isinstance(visual, ColorVisuals) and visual.kind == "vertex":
         colors = visual.vertex_colors[:, :3]
+        if (visual.vertex_colors[:, 3] < 255).any():
+            warnings.warn("colours of vertices: their alpha is left out", stacklevel=2)
     elif isinstance(visual, ColorVisuals) and visual.kind == "face":
         palette, labels = np.unique(visual.face_colors, axis=0, return_inverse=True)
         labels = labels.ravel()

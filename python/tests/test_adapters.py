@@ -86,6 +86,19 @@ def test_trimesh_keeps_colours():
     assert np.abs(result.visual.vertex_colors[:, 0] - result.vertices[:, 0] * 20).max() < 25
 
 
+def test_trimesh_warns_of_alpha_that_is_left_out():
+    trimesh = pytest.importorskip("trimesh")
+    import drystone.trimesh
+
+    vertices, faces = grid(12)
+    colors = np.full((len(vertices), 4), 255, np.uint8)
+    colors[5, 3] = 254
+    with pytest.warns(UserWarning, match="alpha"):
+        drystone.trimesh.simplify(trimesh.Trimesh(vertices, faces, vertex_colors=colors, process=False), ratio=0.3)
+    mesh = trimesh.Trimesh(vertices, faces, face_colors=np.tile([9, 9, 9, 100], (len(faces), 1)), process=False)
+    assert np.all(drystone.trimesh.simplify(mesh, ratio=0.3).visual.face_colors == [9, 9, 9, 100])
+
+
 def test_pyvista_keeps_texture_coordinates_and_arrays():
     pyvista = pytest.importorskip("pyvista")
     import drystone.pyvista

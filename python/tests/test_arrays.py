@@ -281,6 +281,31 @@ def test_colours_of_any_kind_keep_their_range(kind):
     assert np.all(mesh.vertex_colors == np.array([top, 0, 0], kind))
 
 
+@pytest.mark.parametrize("mode", ["RGBA", "LA", "P", "array"])
+def test_alpha_of_a_texture_is_left_out_with_a_warning(mode):
+    image_class = pytest.importorskip("PIL.Image")
+    vertices, faces = grid(6)
+    pixels = np.full((8, 8, 4), [100, 100, 100, 255], np.uint8)
+
+    def bake():
+        image = image_class.fromarray(pixels)
+        texture = pixels if mode == "array" else image if mode == "RGBA" else image.convert(mode)
+        if mode == "P" and pixels[2, 2, 3] < 255:
+            texture.info["transparency"] = 0
+        return drystone.simplify_mesh(vertices, faces, uv=vertices[:, :2] / 6, texture=texture, textures="bake", ratio=0.5)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        opaque = bake()
+    pixels[2:4, 2:4, 3] = 0
+    with pytest.warns(UserWarning, match="alpha is left out"):
+        found = bake()
+    assert found.textures[0].shape[2] == 3
+    assert np.array_equal(opaque.textures[0], found.textures[0])
+    with pytest.raises(InputError, match=r"vertex_colors: expected an array of shape \(n, 3\)"):
+        drystone.simplify_mesh(vertices, faces, vertex_colors=np.ones((len(vertices), 4)), ratio=0.5)
+
+
 def test_messages_and_reports_name_arrays_and_no_file(tmp_path, monkeypatch, caplog):
     monkeypatch.chdir(tmp_path)
     vertices, faces = grid(12)
