@@ -45,7 +45,7 @@ def commands(drystone):
 
 def test_the_crate_holds_all_that_it_is_compiled_from(crate):
     tracked = subprocess.run(
-        ["git", "ls-files", "src", "examples", "build.rs"], cwd=REPOSITORY, capture_output=True, text=True, check=True
+        ["git", "ls-files", "src", "benches", "examples", "build.rs"], cwd=REPOSITORY, capture_output=True, text=True, check=True
     )
     assert set(tracked.stdout.splitlines()) <= crate
     assert {"Cargo.toml", "Cargo.lock", "README.md", "CHANGELOG.md", "LICENSE-MIT", "LICENSE-APACHE"} <= crate

@@ -7,7 +7,8 @@
     drystone-VERSION-….whl, .tar.gz     the Python package, with --wheel
     SHA256SUMS
 
-The same commit, compiler and tools give the same bytes in any folder; `--check` builds the commit twice and compares.
+The same commit, compiler and tools give the same bytes in any folder; `--check` builds the commit twice and compares,
+`--check --wheel` the Python package, too.
 Needs Rust, git and Python 3.11; installs cargo-auditable, cargo-cyclonedx and cargo-deb once, if they are absent.
 Publishes nothing. docs/releasing.md says what to do before and after.
 """
@@ -30,7 +31,7 @@ def main():
     asked = parser.parse_args()
     try:
         if asked.check:
-            comparing.compare_two_builds()
+            comparing.compare_two_builds(asked.wheel)
         else:
             building.build(asked.allow_changes, wheel.build_wheel if asked.wheel else None)
     except building.ReleaseError as error:

@@ -151,15 +151,16 @@ def gather(release):
     return folder
 
 
-def tree(release, edges):
-    """Crates that are compiled for the program, one a line."""
-    command = ["cargo", "tree", "--locked", "--target", release.target, "--no-dedupe", "--prefix", "none"]
+def tree(release, edges, package="drystone"):
+    """Crates that are compiled for the program, or for the Python package, one a line."""
+    command = ["cargo", "tree", "--locked", "--package", package, "--target", release.target]
+    command += ["--no-dedupe", "--prefix", "none"]
     return printed(*command, "--format", "{p}", "--edges", edges)
 
 
-def linked_crates(release):
+def linked_crates(release, package="drystone"):
     command = ["cargo", "metadata", "--locked", "--format-version", "1", "--filter-platform", release.target]
-    return licences.linked_crates(json.loads(printed(*command)), tree(release, "normal,no-proc-macro"))
+    return licences.linked_crates(json.loads(printed(*command)), tree(release, "normal,no-proc-macro", package))
 
 
 def build_note(release):
@@ -263,5 +264,5 @@ def build(allow_changes, build_wheel=None):
     else:
         print("NOTE: no dpkg: no Debian package", file=sys.stderr)
     if build_wheel is not None:
-        build_wheel(place, variables)
+        build_wheel(release, place, variables)
     print(checksums(place), end="")

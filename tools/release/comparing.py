@@ -34,7 +34,7 @@ def is_same(first, second):
     return first is not None and second is not None and filecmp.cmp(first, second, shallow=False)
 
 
-def compare_two_builds():
+def compare_two_builds(with_wheel):
     bring_tools()
     commit = printed("git", "rev-parse", "HEAD")
     if printed("git", "status", "--porcelain", "--untracked-files=no"):
@@ -49,7 +49,7 @@ def compare_two_builds():
             variables = {key: text for key, text in os.environ.items() if key != "CARGO_TARGET_DIR"}
             if home:
                 variables["CARGO_HOME"] = str(home)
-            command = [sys.executable, str(folder / "tools" / "release")]
+            command = [sys.executable, str(folder / "tools" / "release"), *(["--wheel"] if with_wheel else [])]
             if subprocess.run(command, env=variables, stdin=subprocess.DEVNULL).returncode != 0:
                 raise ReleaseError("the build failed")
         first, second = map(made, folders)

@@ -1,15 +1,22 @@
-"""The Python package: a wheel for old and new Linux, and the source package."""
+"""The Python package: a wheel for old and new Linux, and the source package that it is built from."""
 
+import json
 import os
+import re
+import shutil
 import subprocess
 import sys
+import tarfile
 import venv
 
-from building import REPOSITORY, ReleaseError, run, target_folder
+import licences
+from building import REPOSITORY, ReleaseError, linked_crates, printed, run, target_folder
 
 # maturin builds; zig links with an older glibc than this machine's; auditwheel looks at the result.
 TOOLS = ["maturin==1.16.0", "ziglang==0.17.1", "auditwheel==6.8.2", "abi3audit==0.0.26"]
 PLATFORM = "manylinux_2_28"
+# A name that maturin takes for that of a licence.
+NOTICES = "LICENCES-OF-CRATES.txt"
 
 
 def environment_of_tools():
@@ -24,18 +31,43 @@ def environment_of_tools():
     return programs
 
 
-def build_wheel(place, variables):
+def unpack_source(package, release):
+    """Unpacks the source package; adds what only the checkout knows: the commit, and the licences of the crates."""
+    # NOTE: `maturin build --sdist` unpacks it, too, but into a folder of random name, which stays in the program.
+    folder = target_folder() / "release-source"
+    shutil.rmtree(folder, ignore_errors=True)
+    with tarfile.open(package) as archive:
+        archive.extractall(folder, filter="data")
+    (source,) = folder.iterdir()
+    changes = printed("git", "status", "--porcelain", "--untracked-files=no")
+    note = {"git": {"sha1": release.commit, "dirty": bool(changes)}}
+    (source / ".cargo_vcs_info.json").write_text(json.dumps(note))
+    text = licences.notices(linked_crates(release, "drystone-python"))
+    (source / NOTICES).write_text(text, encoding="utf-8", newline="\n")
+    return source
+
+
+def only(place, pattern):
+    found = list(place.glob(pattern))
+    if len(found) != 1:
+        raise ReleaseError(f"expected one {pattern} in {place}, found {len(found)}")
+    return found[0]
+
+
+def build_wheel(release, place, variables):
     """Writes the wheel and the source package; refuses a wheel that needs more than it says."""
     programs = environment_of_tools()
     variables = variables | {"PATH": f"{programs}{os.pathsep}{os.environ['PATH']}"}
-    command = [programs / "maturin", "build", "--locked", "--profile", "dist", "--manifest-path", REPOSITORY / "python" / "Cargo.toml"]
+    manifest = REPOSITORY / "python" / "Cargo.toml"
+    run(programs / "maturin", "sdist", "--manifest-path", manifest, "--out", place, env=variables)
+    source = unpack_source(only(place, f"drystone-{release.version}.tar.gz"), release)
+    command = [programs / "maturin", "build", "--locked", "--profile", "dist", "--out", place]
     linux = ["--zig", "--compatibility", PLATFORM] if sys.platform == "linux" else []
-    run(*command, *linux, "--sdist", "--out", place, env=variables)
-    wheels = list(place.glob("drystone-*.whl"))
-    if len(wheels) != 1:
-        raise ReleaseError(f"expected one wheel in {place}, found {len(wheels)}")
-    run(programs / "abi3audit", "--strict", wheels[0])
+    run(*command, *linux, "--manifest-path", source / "python" / "Cargo.toml", env=variables)
+    wheel = only(place, "drystone-*.whl")
+    run(programs / "abi3audit", "--strict", wheel)
     if linux:
-        shown = run(programs / "auditwheel", "show", wheels[0], stdout=subprocess.PIPE, text=True).stdout
-        if PLATFORM not in shown.replace("\n", " "):
+        shown = run(programs / "auditwheel", "show", wheel, stdout=subprocess.PIPE, text=True).stdout
+        tag = re.search(r'platform tag: "manylinux_2_([0-9]+)_', " ".join(shown.split()))
+        if tag is None or int(tag[1]) > int(PLATFORM.rpartition("_")[2]):
             raise ReleaseError(f"the wheel is not one for {PLATFORM}:\n{shown}")
