@@ -3,6 +3,8 @@
 //! The targets are shared by `fuzz_targets/*.rs`, which libFuzzer drives, and by `tests/corpora.rs`, which replays the kept
 //! inputs and seeded changes of them with any compiler.
 
+mod arrays;
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
@@ -20,14 +22,17 @@ use drystone::pipeline;
 use drystone::read::{INPUT, SCAN, Scan, ScanOptions, scan};
 use xxhash_rust::xxh3::{xxh3_64, xxh3_64_with_seed};
 
+pub use self::arrays::scan_arrays;
+
 /// A target: its name, which is that of its folder of kept inputs, and what it does.
 pub type FuzzTarget = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [FuzzTarget; 7] = [
+pub const TARGETS: [FuzzTarget; 8] = [
     ("scan_obj", scan_obj),
     ("scan_mtl", scan_mtl),
     ("scan_ply", scan_ply),
+    ("scan_arrays", scan_arrays),
     ("job_files", job_files),
     ("resume", resume),
     ("collapse", collapse),

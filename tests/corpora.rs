@@ -71,6 +71,11 @@ fn kept_ply_files_are_read_or_refused() {
 }
 
 #[test]
+fn kept_array_files_are_read_or_refused_as_a_simple_reader_does() {
+    replay("scan_arrays");
+}
+
+#[test]
 fn kept_files_of_a_work_folder_are_read_or_refused() {
     replay("job_files");
 }
