@@ -1,5 +1,7 @@
 """The Python package: a wheel for old and new Linux, and the source package that it is built from."""
 
+import base64
+import hashlib
 import json
 import os
 import re
@@ -8,6 +10,7 @@ import subprocess
 import sys
 import tarfile
 import venv
+import zipfile
 
 import licences
 from building import REPOSITORY, ReleaseError, linked_crates, printed, run, target_folder
@@ -47,6 +50,26 @@ def unpack_source(package, release):
     return source
 
 
+def replace_paths(wheel, source):
+    """Replaces the folder of the source in the wheel's SBOM, and the hashes of what changed in its RECORD."""
+    with zipfile.ZipFile(wheel) as old:
+        entries = {info: old.read(info) for info in old.infolist()}
+    record = next(info for info in entries if info.filename.endswith(".dist-info/RECORD"))
+    for info, content in entries.items():
+        if "/sboms/" not in info.filename:
+            continue
+        entries[info] = content.replace(source.as_uri().encode(), b"file:///drystone")
+        line = re.compile(rb"^%s,.*$" % re.escape(info.filename.encode()), re.MULTILINE)
+        digest = base64.urlsafe_b64encode(hashlib.sha256(entries[info]).digest()).rstrip(b"=")
+        changed = b"%s,sha256=%s,%d" % (info.filename.encode(), digest, len(entries[info]))
+        entries[record], count = line.subn(changed, entries[record])
+        if count != 1:
+            raise ReleaseError(f"RECORD of {wheel.name} names {info.filename} {count} times")
+    with zipfile.ZipFile(wheel, "w") as new:
+        for info, content in entries.items():
+            new.writestr(info, content)
+
+
 def only(place, pattern):
     found = list(place.glob(pattern))
     if len(found) != 1:
@@ -65,6 +88,7 @@ def build_wheel(release, place, variables):
     linux = ["--zig", "--compatibility", PLATFORM] if sys.platform == "linux" else []
     run(*command, *linux, "--manifest-path", source / "python" / "Cargo.toml", env=variables)
     wheel = only(place, "drystone-*.whl")
+    replace_paths(wheel, source)
     run(programs / "abi3audit", "--strict", wheel)
     if linux:
         shown = run(programs / "auditwheel", "show", wheel, stdout=subprocess.PIPE, text=True).stdout
