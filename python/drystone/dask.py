@@ -79,7 +79,9 @@ class Runner:
         """Has the tasks of a stage done that have no results; returns those that failed for good."""
         run = _StageRun(self, stage)
         try:
-            return run.until_done(range(count))
+            # `wait` asks for a current client.
+            with self.client.as_current():
+                return run.until_done(range(count))
         finally:
             self.client.cancel(list(run.pending), force=True)
 

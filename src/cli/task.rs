@@ -1,6 +1,8 @@
 //! `drystone task`: does one task of a job that another machine coordinates.
 
 use std::path::PathBuf;
+use std::thread;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 
@@ -21,6 +23,10 @@ const NUMBERS: [(&str, usize); 6] = [
     ("AWS_BATCH_JOB_ARRAY_INDEX", 0),
     ("JOB_COMPLETION_INDEX", 0),
 ];
+/// How long a stage may take to appear.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// Time between two looks for it.
+const LOOK_INTERVAL: Duration = Duration::from_millis(200);
 /// Exit code of a task that nobody waits for.
 const OVER: u8 = CODES[9].0;
 
@@ -55,9 +61,14 @@ pub fn run(arguments: &TaskArguments) -> Result<u8> {
     };
     let limits = Limits { memory: arguments.memory, threads: arguments.threads };
     let progress = stoppable(arguments.quiet, stop);
-    let end = match pipeline::do_task(&arguments.stage, index, limits, &*progress) {
-        Err(Error::Stopped) => return Ok(goodbye.say()),
-        ended => ended?,
+    let began = Instant::now();
+    let end = loop {
+        match pipeline::do_task(&arguments.stage, index, limits, &*progress) {
+            Err(Error::Stopped) => return Ok(goodbye.say()),
+            // On a shared disk, a new file may take time to appear.
+            Ok(TaskEnd::Over) if began.elapsed() < PATIENCE && !progress.is_stopped() => thread::sleep(LOOK_INTERVAL),
+            ended => break ended?,
+        }
     };
     let (code, words) = match end {
         TaskEnd::Done => (0, "is done"),

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use crate::meshes::{contents, in_many_clusters, noise, ratio, terrain, town};
 use drystone::base::{ErrorKind, Progress, Result, Silent};
-use drystone::job::stage::{Hands, Lending, Stage, stages};
+use drystone::job::stage::{Hands, HandsEnd, Lending, Stage, stages};
 use drystone::options::{CvdSettings, Limits, MetricChoice, SimplifyOptions, Target};
 use drystone::pipeline::{self, TaskEnd, do_task};
 
@@ -30,7 +30,7 @@ impl Careless {
 }
 
 impl Hands for Careless {
-    fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<()> {
+    fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<HandsEnd> {
         let is_first = self.seen.lock().unwrap().insert(stage.id());
         let mut tasks: Vec<usize> = (0..stage.tasks().len()).collect();
         tasks.sort_by(|&a, &b| self.chance(a, 1).total_cmp(&self.chance(b, 1)));
@@ -44,7 +44,7 @@ impl Hands for Careless {
             });
             self.done.fetch_add(1, Ordering::Relaxed);
         }
-        Ok(())
+        Ok(HandsEnd::Done)
     }
 }
 
@@ -118,12 +118,12 @@ fn trials_and_clusters_that_pass_through_give_the_same_bytes() {
 struct Idle(Option<ErrorKind>);
 
 impl Hands for Idle {
-    fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<()> {
+    fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<HandsEnd> {
         if let Some(kind) = self.0 {
             let error = drystone::Error::Elsewhere { kind, message: "of no use".into() };
             stage.note_failure(&stage.tasks()[1], &error);
         }
-        Ok(())
+        Ok(HandsEnd::Unsure)
     }
 }
 
@@ -164,7 +164,7 @@ struct Spoiler {
 }
 
 impl Hands for Spoiler {
-    fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<()> {
+    fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<HandsEnd> {
         for task in 0..stage.tasks().len() {
             assert_ne!(do_task(&stage.path(), task, LIMITS, &Silent).unwrap(), TaskEnd::Over);
         }
@@ -182,7 +182,7 @@ impl Hands for Spoiler {
             std::fs::copy(stage.file_of(&stage.tasks()[4], "results"), stage.file_of(&stage.tasks()[3], "results"))
                 .unwrap();
         }
-        Ok(())
+        Ok(HandsEnd::Done)
     }
 }
 
@@ -204,7 +204,7 @@ struct Late {
 }
 
 impl Hands for Late {
-    fn lend(&self, stage: &Stage, progress: &dyn Progress) -> Result<()> {
+    fn lend(&self, stage: &Stage, progress: &dyn Progress) -> Result<HandsEnd> {
         for path in self.stages.lock().unwrap().iter() {
             assert_eq!(do_task(path, 0, LIMITS, &Silent).unwrap(), TaskEnd::Over);
         }

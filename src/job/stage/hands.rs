@@ -7,16 +7,25 @@ use std::time::Duration;
 use super::stage_file::Stage;
 use crate::base::{Progress, Result};
 
+/// What hands believe of the tasks of a stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HandsEnd {
+    /// All are done; on a shared disk their results may take time to appear.
+    Done,
+    /// Some may not be done.
+    Unsure,
+}
+
 /// Has tasks of stages done, wherever that is: [`do_task`](crate::pipeline::do_task) does one.
 ///
-/// What was done is seen by the results, not by what this returns.
+/// What was done is seen by the results; what this returns says only how long to wait for them.
 pub trait Hands: Debug + Send + Sync {
     /// Has the tasks of a stage done that have no results yet; returns once it will have no more of them done. It may do
     /// a task several times, and leave others out: the stage is then lent again.
     ///
     /// # Errors
     /// If no task can be done ever; [`Error::Stopped`](crate::base::Error::Stopped) if `progress` asks for it.
-    fn lend(&self, stage: &Stage, progress: &dyn Progress) -> Result<()>;
+    fn lend(&self, stage: &Stage, progress: &dyn Progress) -> Result<HandsEnd>;
 }
 
 /// How a job has its tasks done elsewhere.

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::folder::{remove_folder, remove_stages};
-use super::hands::Lending;
+use super::hands::{HandsEnd, Lending};
 use super::results::{RESULTS, ResultFrame, TaskContents};
 use super::stage_file::{Order, Stage, StageTask};
 use crate::base::threads::start;
@@ -29,7 +29,7 @@ use crate::os::durable::{give_name, sync_folder};
 pub(super) const TAKEN: &str = "taken";
 /// Time between two looks at the folder of a stage.
 const LOOK_INTERVAL: Duration = Duration::from_millis(200);
-/// How long names may take to appear after the hands have failed.
+/// How long names may take to appear where some tasks may not be done.
 const SHORT_PATIENCE: Duration = Duration::from_secs(2);
 
 /// Results of a task, in the work folder.
@@ -157,14 +157,15 @@ fn have_done(
     for tried in 1..=lending.tries.max(1) {
         wanted.iter().for_each(|task| stage.forget_failure(task));
         let lent = if wanted.iter().all(|task| stage.contents(task).is_some()) {
-            Ok(())
+            Ok(HandsEnd::Done)
         } else {
             seen.during(progress, || lending.hands.lend(stage, progress))
         };
         if matches!(lent, Err(Error::Stopped)) {
             return Err(Error::Stopped);
         }
-        let patience = if lent.is_ok() { lending.patience } else { SHORT_PATIENCE };
+        let is_sure = matches!(lent, Ok(HandsEnd::Done));
+        let patience = if is_sure { lending.patience } else { SHORT_PATIENCE.min(lending.patience) };
         let contents = wait_for(stage, wanted, patience, progress)?;
         let missing: Vec<usize> = (0..wanted.len()).filter(|&i| contents[i].is_none()).collect();
         let Some(&first) = missing.first() else { return Ok(contents.into_iter().flatten().collect()) };

@@ -6,7 +6,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use super::hands::Hands;
+use super::hands::{Hands, HandsEnd};
 use super::stage_file::Stage;
 use crate::base::{Error, Progress, Result};
 
@@ -51,7 +51,7 @@ impl TaskRunner {
 }
 
 impl Hands for TaskRunner {
-    fn lend(&self, stage: &Stage, progress: &dyn Progress) -> Result<()> {
+    fn lend(&self, stage: &Stage, progress: &dyn Progress) -> Result<HandsEnd> {
         let mut child = self.start(stage)?;
         let status = loop {
             if let Some(status) = child.try_wait().map_err(|e| Error::io(Path::new("task_runner"), "wait for", e))? {
@@ -64,13 +64,13 @@ impl Hands for TaskRunner {
             thread::sleep(LOOK_INTERVAL);
         };
         match status.code() {
-            Some(0) => Ok(()),
+            Some(0) => Ok(HandsEnd::Done),
             Some(code) if UNKNOWN.contains(&code) => {
                 Err(Error::Usage(format!("`task_runner`: the shell cannot run it (exit code {code})")))
             }
             _ => {
                 progress.tell(&format!("the task runner ended with {}", ended_with(status)));
-                Ok(())
+                Ok(HandsEnd::Unsure)
             }
         }
     }
