@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-KILLS = int(os.environ.get("DRYSTONE_TASK_KILLS", "12"))
+KILLS = int(os.environ.get("DRYSTONE_TASK_KILLS", "6"))
 SIDE = 160
 OPTIONS = ["--ratio", "0.2", "--cluster-faces", "1000", "--threads", "1", "--memory", "128MiB", "--quiet"]
 

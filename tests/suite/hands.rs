@@ -122,6 +122,9 @@ impl Hands for Idle {
         if let Some(kind) = self.0 {
             let error = drystone::Error::Elsewhere { kind, message: "of no use".into() };
             stage.note_failure(&stage.tasks()[1], &error);
+            let seen = drystone::job::look(stage.work()).unwrap().stage.unwrap();
+            assert_eq!((seen.tasks, seen.tasks_done, seen.tasks_failed), (6, 0, 1));
+            assert!(seen.failure.unwrap().ends_with("of no use"));
         }
         Ok(HandsEnd::Unsure)
     }
