@@ -4,23 +4,20 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::crew::PatchCrew;
+pub use super::crew::BAKE;
+use super::crew::{PatchCrew, can_lend, usual_cost};
 use super::original::Original;
 use super::painters::PAINTER_BYTES;
 use super::patch::{BakedPatch, PatchBaker, PatchSettings};
 use super::run::{painter_count, patch_bytes};
 use crate::base::{Progress, Result, WorkLimits};
-use crate::cost::Weights;
 use crate::job::Recalled;
 use crate::job::stage::{Stage, StageTask};
 use crate::lend::{LentWork, details_of};
 use crate::model::image_format::ImageFormat;
 use crate::model::{Catalogue, StoredMesh};
-use crate::partition::{ClusterId, Partition, TextureScale};
-use crate::passes::{Cost, arithmetic};
-
-/// Kind of the stages whose tasks are done by [`do_task`].
-pub const BAKE: &str = "bake";
+use crate::partition::{Partition, TextureScale};
+use crate::passes::arithmetic;
 
 /// What a process that does tasks of a stage needs.
 #[derive(Deserialize)]
@@ -51,20 +48,6 @@ impl Recalled for BakeDetails {
             && (64..=16384).contains(&self.side)
             && self.lengths.iter().all(|length| length.is_finite())
     }
-}
-
-/// Checksum of what the engine makes of a small mesh by its usual cost.
-pub(super) fn usual_arithmetic() -> u64 {
-    arithmetic::checksum(usual_cost())
-}
-
-fn usual_cost() -> Cost {
-    Cost::Surface(Weights::default())
-}
-
-/// Whether a patch can be baked by another process.
-pub(super) fn can_lend(partition: &Partition, cluster: ClusterId) -> bool {
-    partition.face_count(cluster) > 0 && partition.weight(cluster).is_some()
 }
 
 /// Does a task of a stage of patches, within limits of memory and threads.

@@ -5,8 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::catalogue::image_catalogue;
-use super::crew::{PatchCrew, piece_path};
-use super::lend::{BAKE, can_lend, usual_arithmetic};
+use super::crew::{BAKE, PatchCrew, can_lend, piece_path, usual_arithmetic};
 use super::original::{Original, OriginalSurface};
 use super::painters::PAINTER_BYTES;
 use super::patch::{BakedImage, BakedPatch, PatchBaker, PatchSettings};
