@@ -17,7 +17,7 @@ distributed = pytest.importorskip("distributed")
 from drystone.dask import Ended, Runner, do_task  # noqa: E402
 
 LIMITS = {"threads": 1, "memory": "128MiB"}
-OPTIONS = {"ratio": 0.2, "cluster_faces": 2000}
+OPTIONS = {"ratio": 0.5, "cluster_faces": 2000, "passes": 1}
 
 
 def hills(path: Path, side: int = 220) -> Path:
