@@ -77,8 +77,3 @@ pub(super) fn usual_arithmetic() -> u64 {
 pub(super) fn usual_cost() -> Cost {
     Cost::Surface(Weights::default())
 }
-
-/// Whether a patch can be baked by another process.
-pub(super) fn can_lend(partition: &Partition, cluster: ClusterId) -> bool {
-    partition.face_count(cluster) > 0 && partition.weight(cluster).is_some()
-}

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 pub use super::crew::BAKE;
-use super::crew::{PatchCrew, can_lend, usual_cost};
+use super::crew::{PatchCrew, usual_cost};
 use super::original::Original;
 use super::painters::PAINTER_BYTES;
 use super::patch::{BakedPatch, PatchBaker, PatchSettings};
@@ -68,7 +68,6 @@ pub fn do_task(stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &d
     let work = LentWork {
         partition,
         has_pieces: true,
-        can_lend: &|cluster| can_lend(partition, cluster),
         bytes: &|cluster| patch_bytes(*side, partition, cluster),
         work: &|cluster| crew.bake(cluster, &folder).map(|(baked, content)| (baked, Some(content))),
         add: &|baked: &mut BakedPatch, piece| baked.pieces.push(piece),

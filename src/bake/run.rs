@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::catalogue::image_catalogue;
-use super::crew::{BAKE, PatchCrew, can_lend, piece_path, usual_arithmetic};
+use super::crew::{BAKE, PatchCrew, piece_path, usual_arithmetic};
 use super::original::{Original, OriginalSurface};
 use super::painters::PAINTER_BYTES;
 use super::patch::{BakedImage, BakedPatch, PatchBaker, PatchSettings};
@@ -259,10 +259,9 @@ impl<'a> Baking<'a> {
         let what = Lendable {
             kind: BAKE,
             partition,
-            clusters: partition.clusters().filter(|&cluster| can_lend(partition, cluster)).collect(),
             prefix: BakeStep::PREFIX_OF_PATCHES.to_owned(),
             parent: PATCHES,
-            arithmetic: usual_arithmetic(),
+            arithmetic: &usual_arithmetic,
             is_counted: true,
         };
         let PatchSettings { texel, away, side, .. } = self.of_patches;

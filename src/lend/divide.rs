@@ -15,21 +15,19 @@ pub struct Lendable<'a> {
     pub kind: &'static str,
     /// Their partition.
     pub partition: &'a Partition,
-    /// The clusters that can be lent, ascending.
-    pub clusters: Vec<ClusterId>,
     /// What the keys begin with of the steps that record some clusters each; `-<first>-<count>` follows.
     pub prefix: String,
     /// The step that they are computed from.
     pub parent: StepKey,
-    /// Checksum of what the program makes of a small mesh.
-    pub arithmetic: u64,
+    /// Computes the checksum of what the program makes of a small mesh; only where clusters are lent.
+    pub arithmetic: &'a dyn Fn() -> u64,
     /// Whether the phase counts their faces.
     pub is_counted: bool,
 }
 
 impl Lendable<'_> {
-    /// Divides the clusters among at most `count` tasks.
-    fn tasks(&self, count: usize) -> Vec<StageTask> {
+    /// Divides clusters among at most `count` tasks.
+    fn tasks(&self, clusters: &[ClusterId], count: usize) -> Vec<StageTask> {
         let of_range = |range: &[ClusterId]| {
             let (first, last) = (range[0], range[range.len() - 1]);
             let count = last.number() - first.number() + 1;
@@ -37,7 +35,7 @@ impl Lendable<'_> {
             let key = StepKey::numbered(format!("{}-{:06}-{count}", self.prefix, first.number()));
             StageTask { key, first: first.number(), count, amount }
         };
-        divide(&self.clusters, self.partition, count).into_iter().map(of_range).collect()
+        divide(clusters, self.partition, count).into_iter().map(of_range).collect()
     }
 
     /// Whether a key is that of a task, however the clusters were divided.
@@ -63,19 +61,20 @@ pub fn lend(
         job.recall_lent(key)?.into_iter().for_each(|task| lent.add(task, false));
     }
     let Some(lending) = job.lending() else { return Ok(lent) };
-    if what.clusters.len() < CLUSTERS_MIN {
+    let clusters: Vec<ClusterId> = what.partition.loadable().collect();
+    if clusters.len() < CLUSTERS_MIN {
         return Ok(lent);
     }
     let order = Order {
         build: BUILD.to_owned(),
-        arithmetic: what.arithmetic,
+        arithmetic: (what.arithmetic)(),
         kind: what.kind.to_owned(),
-        tasks: what.tasks(lending.tasks as usize),
+        tasks: what.tasks(&clusters, lending.tasks as usize),
         details: details()?,
     };
     let is_missing = |task: &StageTask| {
         let of_task = task.first..task.first + task.count;
-        what.clusters.iter().any(|&cluster| of_task.contains(&cluster.number()) && !lent.holds(cluster))
+        clusters.iter().any(|&cluster| of_task.contains(&cluster.number()) && !lent.holds(cluster))
     };
     let quiet = Quiet(progress);
     let progress: &dyn Progress = if what.is_counted { progress } else { &quiet };

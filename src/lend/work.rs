@@ -24,8 +24,6 @@ pub struct LentWork<'a, T> {
     pub partition: &'a Partition,
     /// Whether clusters become pieces of the next mesh.
     pub has_pieces: bool,
-    /// Whether a cluster is one of those that were lent.
-    pub can_lend: &'a (dyn Fn(ClusterId) -> bool + Sync),
     /// Memory of a cluster in bytes.
     pub bytes: &'a (dyn Fn(ClusterId) -> u64 + Sync),
     /// Does a cluster.
@@ -42,8 +40,8 @@ impl<T: Serialize + Send> LentWork<'_, T> {
     /// # Errors
     /// On a full disk, failed reads and writes, and damaged files.
     pub fn run(&self, stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &dyn Progress) -> Result<()> {
-        let clusters = self.partition.clusters().skip(task.first as usize).take(task.count as usize);
-        let clusters = clusters.filter(|&cluster| (self.can_lend)(cluster));
+        let of_task = |cluster: &ClusterId| cluster.number().checked_sub(task.first).is_some_and(|i| i < task.count);
+        let clusters = self.partition.loadable().filter(of_task);
         let mut results = TaskWriter::create(stage, task)?;
         let place = stage.file_of(task, PIECES);
         let path = stage.work().join(place.file_name().unwrap_or_default());

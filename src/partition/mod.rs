@@ -176,6 +176,11 @@ impl Partition {
         ClusterId::first(self.cluster_count())
     }
 
+    /// Clusters that have faces and can be loaded, ascending: all that other processes can do.
+    pub fn loadable(&self) -> impl Iterator<Item = ClusterId> + '_ {
+        self.clusters().filter(|&cluster| self.face_count(cluster) > 0 && self.weight(cluster).is_some())
+    }
+
     /// Number of clusters that have faces.
     pub fn filled_count(&self) -> u64 {
         self.clusters().filter(|&cluster| self.face_count(cluster) > 0).count() as u64

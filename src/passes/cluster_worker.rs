@@ -60,11 +60,6 @@ impl ClusterWorker<'_> {
     pub fn bytes(&self, cluster: ClusterId) -> u64 {
         cluster_bytes(self.engine, self.partition, cluster, self.plan.max_error.is_some())
     }
-
-    /// Whether another process can do a cluster: it has faces, and does not pass through.
-    pub fn can_lend(&self, cluster: ClusterId) -> bool {
-        self.partition.face_count(cluster) > 0 && self.partition.weight(cluster).is_some()
-    }
 }
 
 /// Memory in bytes of a cluster while it is simplified or passed through.

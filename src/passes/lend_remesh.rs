@@ -14,7 +14,7 @@ use crate::job::Recalled;
 use crate::job::stage::{Stage, StageTask};
 use crate::lend::{Lendable, LentClusters, LentWork, details_of, encoded, lend};
 use crate::model::{Catalogue, StoredMesh};
-use crate::partition::{ClusterId, Partition, TextureScale};
+use crate::partition::{Partition, TextureScale};
 use crate::remesh::cvd::{CvdSettings, FrozenStatistics};
 
 /// Kind of the stages whose tasks are done by [`do_task`].
@@ -53,10 +53,9 @@ impl Run<'_> {
         let what = Lendable {
             kind: REMESH,
             partition,
-            clusters: partition.clusters().filter(|&cluster| can_lend(partition, cluster)).collect(),
             prefix: PassStep::prefix_of_clusters(number, 0),
             parent: PassStep::Stops { pass: number, attempt: 0 }.key(),
-            arithmetic: arithmetic::checksum(self.options.cost),
+            arithmetic: &|| arithmetic::checksum(self.options.cost),
             is_counted: true,
         };
         let Remesher { mesh, catalogue, scale, .. } = self.remesher(pass);
@@ -64,10 +63,6 @@ impl Run<'_> {
         let details = (settings, frame, partition, mesh, catalogue, scale, cost, cluster_faces);
         lend(self.job, &what, || encoded(&details), self.progress)
     }
-}
-
-fn can_lend(partition: &Partition, cluster: ClusterId) -> bool {
-    partition.face_count(cluster) > 0 && partition.weight(cluster).is_some()
 }
 
 /// Does a task of a stage of clusters that are remeshed, within limits of memory and threads.
@@ -83,7 +78,6 @@ pub fn do_task(stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &d
     let work = LentWork {
         partition,
         has_pieces: true,
-        can_lend: &|cluster| can_lend(partition, cluster),
         bytes: &|cluster| remesh_bytes(partition, cluster),
         work: &|cluster| remesher.remesh(cluster),
         add: &|result: &mut RemeshedCluster, piece| result.pieces.push(piece),

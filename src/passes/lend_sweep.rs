@@ -57,14 +57,12 @@ impl Recalled for SweepDetails {
 impl Run<'_> {
     /// Has clusters of a sweep done by other processes, if the job has any; returns what they did, now or before.
     pub(super) fn lend_sweep(&self, sweep: &Sweep<'_>) -> Result<LentClusters> {
-        let worker = self.worker(sweep);
         let what = Lendable {
             kind: SWEEP,
             partition: sweep.partition,
-            clusters: sweep.partition.clusters().filter(|&cluster| worker.can_lend(cluster)).collect(),
             prefix: sweep.prefix_of_several(),
             parent: sweep.parent(),
-            arithmetic: arithmetic::checksum(self.options.cost),
+            arithmetic: &|| arithmetic::checksum(self.options.cost),
             is_counted: !sweep.plan.is_trial(),
         };
         let (mesh, stats) = (&self.state.mesh, &self.state.stats);
@@ -91,7 +89,6 @@ pub fn do_task(stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &d
     let work = LentWork {
         partition: &details.partition,
         has_pieces: !details.plan.is_trial(),
-        can_lend: &|cluster| worker.can_lend(cluster),
         bytes: &|cluster| worker.bytes(cluster),
         work: &|cluster| worker.simplify(cluster, |_| ()),
         add: &|result: &mut ClusterResult, piece| result.pieces.push(piece),
