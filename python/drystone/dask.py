@@ -14,7 +14,7 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
@@ -75,13 +75,16 @@ class Runner:
         limits = {"--threads": threads, "--memory": memory}
         self.options = [word for name, limit in limits.items() if limit is not None for word in (name, str(limit))]
 
-    def __call__(self, stage: str, count: int) -> list[Ended]:
-        """Has the tasks of a stage done that have no results; returns those that failed for good."""
+    def __call__(self, stage: str, count: int, is_stopped: Callable[[], bool] = lambda: False) -> list[Ended]:
+        """Has the tasks of a stage done that have no results; returns those that failed for good.
+
+        Ends early once `is_stopped` returns True.
+        """
         run = _StageRun(self, stage)
         try:
             # `wait` asks for a current client.
             with self.client.as_current():
-                return run.until_done(range(count))
+                return run.until_done(range(count), is_stopped)
         finally:
             self.client.cancel(list(run.pending), force=True)
 
@@ -99,13 +102,13 @@ class _StageRun:
         # Keys of an earlier call must not give its results.
         self.name = f"drystone-{time.time_ns():x}"
 
-    def until_done(self, indices: Iterable[int]) -> list[Ended]:
+    def until_done(self, indices: Iterable[int], is_stopped: Callable[[], bool]) -> list[Ended]:
         from distributed import wait
 
         for index in indices:
             self.submit(index)
         failed: list[Ended] = []
-        while self.pending:
+        while self.pending and not is_stopped():
             try:
                 done = wait(list(self.pending), timeout=LOOK_SECONDS, return_when="FIRST_COMPLETED").done
             except TimeoutError:

@@ -9,6 +9,7 @@ from typing import Any, Literal, Unpack, overload
 
 from drystone import _native
 from drystone.errors import BoundBrokenError, TargetMissed, TargetMissedError
+from drystone.hands import Hands, starter
 from drystone.options import (
     FILE_KEYS,
     TILE_KEYS,
@@ -54,6 +55,7 @@ def simplify(
     keep_work: bool = False,
     no_sync: bool = False,
     task_runner: str | None = None,
+    hands: Hands | None = None,
     tasks: int | None = None,
     task_tries: int | None = None,
     force: bool = False,
@@ -99,7 +101,7 @@ def simplify(
         seed=seed,
     )
     arguments = ["simplify", *_output(output), *flags(given), "--", *paths(input)]
-    code, value = call(arguments, progress, stop)
+    code, value = call(arguments, progress, stop, hands)
     found = Report.from_dict(value)
     judge(found, code, strict)
     return found
@@ -117,6 +119,7 @@ def tile(
     keep_work: bool = False,
     no_sync: bool = False,
     task_runner: str | None = None,
+    hands: Hands | None = None,
     tasks: int | None = None,
     task_tries: int | None = None,
     force: bool = False,
@@ -143,7 +146,7 @@ def tile(
         task_tries=task_tries,
         force=force,
     )
-    _, value = call(["tile", *_output(output), *flags(given), "--", *paths(input)], progress, stop)
+    _, value = call(["tile", *_output(output), *flags(given), "--", *paths(input)], progress, stop, hands)
     _warn(value["warnings"])
     return TileReport.from_dict(value)
 
@@ -306,11 +309,14 @@ def _warn(messages: Iterable[str]) -> None:
         logger.warning("%s", message)
 
 
-def call(arguments: list[str], progress: Progress, stop: _native.Stop | None) -> tuple[int, Any]:
+def call(
+    arguments: list[str], progress: Progress, stop: _native.Stop | None, hands: Hands | None = None
+) -> tuple[int, Any]:
     """Runs a command; returns its exit code and its JSON."""
+    start = starter(hands)
     listener = Listener(progress)
     try:
-        code, text = _native.call(arguments, listener, stop)
+        code, text = _native.call(arguments, listener, stop, start)
     finally:
         listener.close()
     return code, json.loads(text)

@@ -5,17 +5,19 @@
 //! and the exception comes out.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, PoisonError};
 use std::thread::Builder;
 use std::time::Duration;
 
-use crossbeam_channel::{RecvTimeoutError, bounded};
+use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
+use drystone::job::stage::SharedHands;
 use drystone::{Progress, Result};
 use pyo3::prelude::*;
 
 use crate::errors::{exception, forked, panicked};
 use crate::events::{Event, Listener};
+use crate::hands::{PythonHands, Raised, StageTasks};
 
 /// Time between two looks.
 const INTERVAL: Duration = Duration::from_millis(100);
@@ -44,25 +46,29 @@ impl Stop {
     }
 }
 
-/// Does the work on a new thread; returns what it returns.
+/// Does the work on a new thread; returns what it returns. `start` starts what has tasks of the job done.
 ///
 /// # Errors
-/// The exception for the error or the panic of the work; that of a signal handler or of the listener. After a second
+/// The exception for the error or the panic of the work; that of a signal handler, of the listener or of `start`. After a second
 /// signal, the thread is left to itself: it stops, too, but nobody waits for it.
 pub fn run<T: Send + 'static>(
     py: Python<'_>,
     listener: Option<&Bound<'_, PyAny>>,
     stop: Option<&Stop>,
-    work: impl FnOnce(&dyn Progress) -> Result<T> + Send + 'static,
+    start: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(Option<SharedHands>, &dyn Progress) -> Result<T> + Send + 'static,
 ) -> PyResult<T> {
     let process = std::process::id();
     // The job has a flag of its own: an exception stops this job, and no other that has the same token.
     let is_stopped = Arc::new(AtomicBool::new(stop.is_some_and(Stop::is_set)));
     let events = Arc::new(Listener::new(Arc::clone(&is_stopped)));
+    let (hands, requests) = PythonHands::new(Arc::clone(&is_stopped));
+    let raised = hands.raised();
+    let hands = start.is_some().then(|| SharedHands::from(Arc::new(hands)));
     let (sender, receiver) = bounded(1);
     let theirs = Arc::clone(&events);
     let job = move || {
-        let outcome = catch_unwind(AssertUnwindSafe(|| work(&*theirs)));
+        let outcome = catch_unwind(AssertUnwindSafe(|| work(hands, &*theirs)));
         if matches!(outcome, Ok(Ok(_))) {
             theirs.finish();
         }
@@ -70,7 +76,8 @@ pub fn run<T: Send + 'static>(
         let _ = sender.send(outcome);
     };
     Builder::new().name("drystone".to_owned()).spawn(job)?;
-    let mut waiter = Waiter { events, is_stopped, listener, stop, raised: None };
+    let hands = start.map(|start| HandsOfCaller { start, requests, raised });
+    let mut waiter = Waiter { events, is_stopped, listener, stop, hands, raised: None };
     loop {
         let received = py.detach(|| receiver.recv_timeout(INTERVAL));
         if std::process::id() != process {
@@ -102,7 +109,8 @@ struct Waiter<'a, 'py> {
     is_stopped: Arc<AtomicBool>,
     listener: Option<&'a Bound<'py, PyAny>>,
     stop: Option<&'a Stop>,
-    /// The first exception of a signal handler or of the listener; the job was asked to stop then.
+    hands: Option<HandsOfCaller<'a, 'py>>,
+    /// The first exception of a signal handler, of the listener or of the hands; the job was asked to stop then.
     raised: Option<PyErr>,
 }
 
@@ -120,7 +128,8 @@ impl Waiter<'_, '_> {
             (Err(error), None) => self.raise(error),
             (Ok(()), Some(_)) => {}
             (Ok(()), None) => {
-                if let Err(error) = hand_over(self.events.take(), self.listener) {
+                let hands = self.hands.as_ref().map_or(Ok(()), HandsOfCaller::look);
+                if let Err(error) = hand_over(self.events.take(), self.listener).and(hands) {
                     self.raise(error);
                 }
             }
@@ -131,6 +140,26 @@ impl Waiter<'_, '_> {
     fn raise(&mut self, error: PyErr) {
         self.is_stopped.store(true, Ordering::Relaxed);
         self.raised = Some(error);
+    }
+}
+
+/// What has tasks of the job done.
+struct HandsOfCaller<'a, 'py> {
+    start: &'a Bound<'py, PyAny>,
+    requests: Receiver<StageTasks>,
+    raised: Raised,
+}
+
+impl HandsOfCaller<'_, '_> {
+    /// Has the tasks done that the job asks for.
+    ///
+    /// # Errors
+    /// The exception of what has them done.
+    fn look(&self) -> PyResult<()> {
+        if let Some(error) = self.raised.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            return Err(error);
+        }
+        self.requests.try_iter().try_for_each(|tasks| self.start.call1((tasks,)).map(drop))
     }
 }
 

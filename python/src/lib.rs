@@ -7,11 +7,13 @@
 
 mod errors;
 mod events;
+mod hands;
 mod job;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use drystone::Progress;
 use drystone::image::decode::Image;
 use pyo3::prelude::*;
 use pyo3::types::PyByteArray;
@@ -23,6 +25,8 @@ mod _native {
     #[pymodule_export]
     use super::{call, decode_image, main};
     #[pymodule_export]
+    use crate::hands::StageTasks;
+    #[pymodule_export]
     use crate::job::Stop;
 
     #[pymodule_export]
@@ -31,16 +35,19 @@ mod _native {
     const BUILD: &str = drystone::cli::LONG_VERSION;
 }
 
-/// Runs a command such as `["inspect", "city.obj"]`; returns its exit code and its JSON.
+/// Runs a command such as `["inspect", "city.obj"]`; returns its exit code and its JSON. `start` starts what has tasks of
+/// the job done.
 #[pyfunction]
-#[pyo3(signature = (arguments, listener=None, stop=None))]
+#[pyo3(signature = (arguments, listener=None, stop=None, start=None))]
 fn call(
     py: Python<'_>,
     arguments: Vec<OsString>,
     listener: Option<Bound<'_, PyAny>>,
     stop: Option<&Stop>,
+    start: Option<Bound<'_, PyAny>>,
 ) -> PyResult<(u8, String)> {
-    let answer = run(py, listener.as_ref(), stop, move |progress| drystone::cli::call(arguments, progress))?;
+    let work = move |hands, progress: &dyn Progress| drystone::cli::call(arguments, hands, progress);
+    let answer = run(py, listener.as_ref(), stop, start.as_ref(), work)?;
     Ok((answer.code, answer.value.to_string()))
 }
 

@@ -112,6 +112,13 @@ def test_a_client_of_ones_own_does_a_stage(cluster, tmp_path):
         assert Runner(client, program=["true"])("stage.bin", 5) == []
 
 
+def test_a_runner_is_the_hands_of_a_job(cluster, mesh, expected, tmp_path):
+    with distributed.Client(cluster, set_as_default=False) as client:
+        runner = Runner(client, **LIMITS)
+        drystone.simplify(mesh, tmp_path / "out.obj", **OPTIONS, **LIMITS, hands=runner, tasks=12)
+    assert (tmp_path / "out.obj").read_bytes() == expected
+
+
 def test_a_task_is_a_process():
     assert do_task(["true"], "stage.bin", 3, []) == Ended(3, 0, "")
     ended = do_task([], "/nowhere/stage.bin", 0, ["--threads", "1"])

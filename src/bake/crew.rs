@@ -5,11 +5,9 @@ use std::path::{Path, PathBuf};
 use super::patch::{BakedPatch, PatchBaker, TexturedPatch};
 use super::steps::BakeStep;
 use crate::base::Result;
-use crate::cost::Weights;
 use crate::model::image_format::ImageFormat;
 use crate::model::{Catalogue, StoredMesh};
 use crate::partition::{ClusterId, ClusterSource, Partition, PieceContent, TextureScale, cluster, heavy};
-use crate::passes::{Cost, arithmetic};
 
 /// Kind of the stages whose tasks bake patches.
 pub const BAKE: &str = "bake";
@@ -66,14 +64,4 @@ impl PatchCrew<'_> {
 /// Path of a piece of a patch.
 pub(super) fn piece_path(folder: &Path, cluster: ClusterId, number: usize) -> PathBuf {
     folder.join(format!("{}-{number}.piece", BakeStep::Patch(cluster).key().name()))
-}
-
-/// Checksum of what the engine makes of a small mesh by its usual cost.
-pub(super) fn usual_arithmetic() -> u64 {
-    arithmetic::checksum(usual_cost())
-}
-
-/// The cost that other machines are compared by.
-pub(super) fn usual_cost() -> Cost {
-    Cost::Surface(Weights::default())
 }

@@ -1,11 +1,11 @@
 //! Has patches baked by other processes, and bakes them there.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
 pub use super::crew::BAKE;
-use super::crew::{PatchCrew, usual_cost};
+use super::crew::PatchCrew;
 use super::original::Original;
 use super::painters::PAINTER_BYTES;
 use super::patch::{BakedPatch, PatchBaker, PatchSettings};
@@ -13,9 +13,9 @@ use super::run::{painter_count, patch_bytes};
 use crate::base::{Progress, Result, WorkLimits};
 use crate::job::Recalled;
 use crate::job::stage::{Stage, StageTask};
-use crate::lend::{LentWork, details_of};
+use crate::lend::{LentItem, LentResult, LentWork, details_of};
 use crate::model::image_format::ImageFormat;
-use crate::model::{Catalogue, StoredMesh};
+use crate::model::{Catalogue, StoredMesh, StoredPiece};
 use crate::partition::{Partition, TextureScale};
 use crate::passes::arithmetic;
 
@@ -50,6 +50,16 @@ impl Recalled for BakeDetails {
     }
 }
 
+impl LentResult for BakedPatch {
+    fn add_piece(&mut self, piece: StoredPiece) {
+        self.pieces.push(piece);
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        self.images.iter().map(|image| image.path.clone()).collect()
+    }
+}
+
 /// Does a task of a stage of patches, within limits of memory and threads.
 ///
 /// # Errors
@@ -57,7 +67,7 @@ impl Recalled for BakeDetails {
 /// damaged files.
 pub fn do_task(stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &dyn Progress) -> Result<()> {
     let details: BakeDetails = details_of(stage)?;
-    arithmetic::refuse_other(stage, usual_cost())?;
+    arithmetic::refuse_other(stage, arithmetic::usual_cost())?;
     let BakeDetails { original, mesh, partition, catalogue, lengths: [texel, away], side, format, .. } = &details;
     let painters = painter_count(*side, limits);
     let settings = PatchSettings { texel: *texel, away: *away, side: *side, painters };
@@ -66,12 +76,10 @@ pub fn do_task(stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &d
     let crew = PatchCrew { baker, partition, mesh, catalogue, scale: &scale, format: *format };
     let folder = stage.path().with_file_name("");
     let work = LentWork {
-        partition,
+        items: LentItem::clusters_of(partition),
         has_pieces: true,
         bytes: &|cluster| patch_bytes(*side, partition, cluster),
         work: &|cluster| crew.bake(cluster, &folder).map(|(baked, content)| (baked, Some(content))),
-        add: &|baked: &mut BakedPatch, piece| baked.pieces.push(piece),
-        files: &|baked: &BakedPatch| baked.images.iter().map(|image| image.path.clone()).collect(),
     };
     let left = WorkLimits { work_bytes: limits.work_bytes.saturating_sub(painters as u64 * PAINTER_BYTES), ..limits };
     work.run(stage, task, left, progress)

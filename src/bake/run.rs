@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::catalogue::image_catalogue;
-use super::crew::{BAKE, PatchCrew, piece_path, usual_arithmetic};
+use super::crew::{BAKE, PatchCrew, piece_path};
 use super::original::{Original, OriginalSurface};
 use super::painters::PAINTER_BYTES;
 use super::patch::{BakedImage, BakedPatch, PatchBaker, PatchSettings};
@@ -14,10 +14,11 @@ use super::steps::{BakeStep, PATCHES, SURFACE};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Permits, Result, WorkLimits, bytes};
 use crate::job::{Recalled, Step, StepKey};
-use crate::lend::{Lendable, LentClusters, encoded, lend};
+use crate::lend::{Lendable, LentItem, LentResults, encoded, lend};
 use crate::model::{Catalogue, StoredMesh, StoredPiece};
 use crate::os::system;
 use crate::partition::{self, ClusterId, Partition, PartitionOptions, PieceContent, TextureScale, write_shared};
+use crate::passes::arithmetic;
 
 /// Share of an image that charts are taken to fill, when the size of a patch is chosen.
 const FILL: f64 = 0.55;
@@ -254,14 +255,14 @@ impl<'a> Baking<'a> {
     }
 
     /// Has patches baked by other processes, if the job has any; returns what they did, now or before.
-    fn lend(&self, crew: &PatchCrew<'_>) -> Result<LentClusters> {
+    fn lend(&self, crew: &PatchCrew<'_>) -> Result<LentResults<ClusterId>> {
         let partition = crew.partition;
         let what = Lendable {
             kind: BAKE,
-            partition,
+            items: LentItem::clusters_of(partition),
             prefix: BakeStep::PREFIX_OF_PATCHES.to_owned(),
             parent: PATCHES,
-            arithmetic: &usual_arithmetic,
+            arithmetic: &arithmetic::usual_checksum,
             is_counted: true,
         };
         let PatchSettings { texel, away, side, .. } = self.of_patches;

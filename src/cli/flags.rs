@@ -95,6 +95,7 @@ impl JobFlags {
             no_sync: self.no_sync,
             force,
             task_runner: self.task_runner.clone(),
+            hands: None,
             tasks: self.tasks,
             task_tries: self.task_tries,
         }

@@ -28,6 +28,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::base::{Error, Progress, Result};
+use crate::job::stage::SharedHands;
 
 pub use self::answer::CommandAnswer;
 pub use self::exit::code_of;
@@ -95,16 +96,20 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>) -> u8 {
 }
 
 /// Runs a command for a program that calls it: the command's name and its arguments, such as `inspect city.obj`.
-/// Prints nothing, and leaves signals alone; `progress` can stop it.
+/// Prints nothing, and leaves signals alone; `progress` can stop it. `hands` have tasks of a job done, if there are any.
 ///
 /// # Errors
 /// [`Error::Usage`] for arguments that the command line refuses, and those of the command.
-pub fn call(arguments: impl IntoIterator<Item = OsString>, progress: &dyn Progress) -> Result<CommandAnswer> {
+pub fn call(
+    arguments: impl IntoIterator<Item = OsString>,
+    hands: Option<SharedHands>,
+    progress: &dyn Progress,
+) -> Result<CommandAnswer> {
     let name = OsString::from("drystone");
     let cli = Cli::try_parse_from(std::iter::once(name).chain(arguments)).map_err(|error| usage(&error))?;
     match &cli.command {
-        Command::Simplify(arguments) => simplify::answer(arguments, progress),
-        Command::Tile(arguments) => tile::answer(arguments, progress),
+        Command::Simplify(arguments) => simplify::answer(arguments, hands, progress),
+        Command::Tile(arguments) => tile::answer(arguments, hands, progress),
         Command::Plan(arguments) => plan::answer(arguments, progress),
         Command::Inspect(arguments) => inspect::answer(arguments, progress),
         Command::Check(arguments) => check::answer(arguments, progress),

@@ -17,6 +17,7 @@ use super::stop::{Goodbye, command_line};
 use super::words::with_flags;
 use crate::base::error::escape_path;
 use crate::base::{Error, Progress, Result};
+use crate::job::stage::SharedHands;
 use crate::measure::compare::Comparison;
 use crate::options::{Drawing, ReportNotes, SimplifyOptions};
 use crate::os::durable::make_folders;
@@ -141,8 +142,13 @@ fn simplify(arguments: &SimplifyArguments, is_printed: &mut bool) -> Result<u8> 
 ///
 /// # Errors
 /// Those of [`run`].
-pub fn answer(arguments: &SimplifyArguments, progress: &dyn Progress) -> Result<CommandAnswer> {
+pub fn answer(
+    arguments: &SimplifyArguments,
+    hands: Option<SharedHands>,
+    progress: &dyn Progress,
+) -> Result<CommandAnswer> {
     let mut options = arguments.options()?;
+    options.job.hands = hands;
     options.notes.command = None;
     match arguments.simplify(&arguments.input.choice(), &options, progress, || ())? {
         (_, Some(error)) => Err(error),

@@ -11,6 +11,7 @@ use super::print::{print, print_json};
 use super::progress::{stoppable, tell};
 use super::stop::Goodbye;
 use crate::base::{Error, Progress, Result, quantity};
+use crate::job::stage::SharedHands;
 use crate::options::{GeoPlace, ImageFormat, TileCompression, TileOptions, UpAxis};
 use crate::os::signals::StopSignal;
 use crate::pipeline;
@@ -143,9 +144,11 @@ pub fn run(arguments: &TileArguments) -> Result<u8> {
 ///
 /// # Errors
 /// Those of [`pipeline::tile`].
-pub fn answer(arguments: &TileArguments, progress: &dyn Progress) -> Result<CommandAnswer> {
+pub fn answer(arguments: &TileArguments, hands: Option<SharedHands>, progress: &dyn Progress) -> Result<CommandAnswer> {
     let TileArguments { output, flags, input, .. } = arguments;
-    CommandAnswer::new(0, &pipeline::tile(input.choice(), output, &flags.options(), progress)?)
+    let mut options = flags.options();
+    options.job.hands = hands;
+    CommandAnswer::new(0, &pipeline::tile(input.choice(), output, &options, progress)?)
 }
 
 #[cfg(test)]

@@ -1,15 +1,15 @@
-//! Lends the clusters of a partition to other processes, and does them there.
+//! Lends items of a phase to other processes, and does them there.
 //!
 //! ```text
-//! partition ── divide ──▶ tasks of a stage ──▶ other processes: work ──▶ results, pieces ──▶ lent: read one by one
+//! items ── divide ──▶ tasks of a stage ──▶ other processes: work ──▶ results, files ──▶ lent: read one by one
 //! ```
-//! In: what is to be done to each cluster. Out: the same results that this process would record. Which phases lend what,
-//! they say themselves.
+//! An item is a cluster, a patch or a tile. In: what is to be done to each. Out: the same results that this process would
+//! record. Which phases lend what, they say themselves.
 
 mod divide;
 mod lent;
 mod work;
 
-pub use divide::{Lendable, lend};
-pub use lent::LentClusters;
-pub use work::{LentWork, details_of, encoded};
+pub use divide::{Lendable, LentItem, lend};
+pub use lent::LentResults;
+pub use work::{LentResult, LentWork, details_of, encoded};

@@ -1,9 +1,11 @@
-//! Does clusters for a job that another process coordinates.
+//! Does items for a job that another process coordinates.
 
 use std::path::PathBuf;
 
 use serde::Serialize;
 
+use super::divide::LentItem;
+use crate::base::id::Id;
 use crate::base::ordered::map_within;
 use crate::base::{Error, Progress, Result, WorkLimits};
 use crate::file::codec;
@@ -11,60 +13,66 @@ use crate::job::Recalled;
 use crate::job::stage::{Stage, StageTask, TaskWriter};
 use crate::model::StoredPiece;
 use crate::model::piece::PieceFile;
-use crate::partition::{ClusterId, Partition, PieceContent};
+use crate::partition::PieceContent;
 
 /// Memory of the tables of a stage, for each encoded byte.
 const TABLES_GROWTH: u64 = 4;
 /// Ending of the file of a task's pieces.
 const PIECES: &str = "piece";
 
-/// How the clusters of a stage are done.
-pub struct LentWork<'a, T> {
-    /// Their partition.
-    pub partition: &'a Partition,
-    /// Whether clusters become pieces of the next mesh.
-    pub has_pieces: bool,
-    /// Memory of a cluster in bytes.
-    pub bytes: &'a (dyn Fn(ClusterId) -> u64 + Sync),
-    /// Does a cluster.
-    pub work: &'a (dyn Fn(ClusterId) -> Result<(T, Option<PieceContent>)> + Sync),
-    /// Adds the piece of a cluster to its result.
-    pub add: &'a dyn Fn(&mut T, StoredPiece),
-    /// Other files of a result, in the folder of the stage.
-    pub files: &'a dyn Fn(&T) -> Vec<PathBuf>,
+/// What an item becomes, as the process that lent it reads it.
+pub trait LentResult: Serialize + Send {
+    /// Adds the piece of the next mesh that the item became.
+    fn add_piece(&mut self, piece: StoredPiece);
+
+    /// Other files, in the folder of the stage.
+    fn files(&self) -> Vec<PathBuf> {
+        Vec::new()
+    }
 }
 
-impl<T: Serialize + Send> LentWork<'_, T> {
-    /// Does the clusters of a task, and writes their results.
+/// How the items of a stage are done.
+pub struct LentWork<'a, I, T> {
+    /// All items of the stage.
+    pub items: Vec<LentItem<I>>,
+    /// Whether items become pieces of the next mesh.
+    pub has_pieces: bool,
+    /// Memory of an item in bytes.
+    pub bytes: &'a (dyn Fn(I) -> u64 + Sync),
+    /// Does an item.
+    pub work: &'a (dyn Fn(I) -> Result<(T, Option<PieceContent>)> + Sync),
+}
+
+impl<I: Id, T: LentResult> LentWork<'_, I, T> {
+    /// Does the items of a task, and writes their results.
     ///
     /// # Errors
     /// On a full disk, failed reads and writes, and damaged files.
     pub fn run(&self, stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &dyn Progress) -> Result<()> {
-        let of_task = |cluster: &ClusterId| cluster.number().checked_sub(task.first).is_some_and(|i| i < task.count);
-        let clusters = self.partition.loadable().filter(of_task);
+        let items = self.items.iter().copied().filter(|of| task.holds(of.item.number()));
         let mut results = TaskWriter::create(stage, task)?;
         let place = stage.file_of(task, PIECES);
         let path = stage.work().join(place.file_name().unwrap_or_default());
         let mut pieces = if self.has_pieces { Some(PieceFile::create_shared(&place, path)?) } else { None };
-        let work = |cluster: ClusterId| {
+        let work = |of: LentItem<I>| {
             progress.check_stopped()?;
-            let (result, content) = (self.work)(cluster)?;
-            Ok((cluster, result, content))
+            let (result, content) = (self.work)(of.item)?;
+            Ok((of, result, content))
         };
         let mut files = Vec::new();
         let budget = limits.work_bytes.saturating_sub(TABLES_GROWTH * stage.details().len() as u64);
         map_within(
             budget,
-            |&cluster| (self.bytes)(cluster),
-            clusters,
+            |of| (self.bytes)(of.item),
+            items,
             work,
-            |(cluster, mut result, content)| {
+            |(of, mut result, content)| {
                 if let (Some(content), Some(file)) = (content, &mut pieces) {
-                    (self.add)(&mut result, content.put_in(file)?);
+                    result.add_piece(content.put_in(file)?);
                 }
-                files.extend((self.files)(&result));
-                progress.advance(self.partition.face_count(cluster));
-                results.put(cluster.number(), &result)
+                files.extend(result.files());
+                progress.advance(of.size);
+                results.put(of.item.number(), &result)
             },
         )?;
         if let Some(file) = pieces {

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::base::{Error, Result, json_path};
 use crate::cost::{Weights, classic, curvature, oblique, parameter, sharpness, terrain, weights};
 use crate::job::Resume;
-use crate::job::stage::{Lending, TaskRunner};
+use crate::job::stage::{Lending, SharedHands, TaskRunner};
 use crate::passes::{Cost, PassOptions, SeamPolicy, shares};
 
 use crate::write::Textures;
@@ -61,6 +61,9 @@ pub struct JobOptions {
     /// `{count}` for the number of its tasks and `{last}` for that less one; it has `drystone task STAGE INDEX` run for
     /// each index from 0, and ends when no more will be done. The result has the same bytes.
     pub task_runner: Option<String>,
+    /// Who has tasks done instead of a command, for a program that does so itself.
+    #[serde(skip)]
+    pub hands: Option<SharedHands>,
     /// Tasks of a stage, at most.
     pub tasks: u32,
     /// How often a stage is handed out while tasks of it have no result.
@@ -71,16 +74,20 @@ impl JobOptions {
     /// How tasks are done elsewhere; `None` if they are not.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a command that does not name its stage, or numbers of 0.
+    /// [`Error::Usage`] for a command that does not name its stage, both a command and hands, or numbers of 0.
     pub fn lending(&self) -> Result<Option<Lending>> {
         for (number, name) in [(self.tasks, "tasks"), (self.task_tries, "task_tries")] {
             if number == 0 {
                 return Err(Error::Usage(format!("`{name}: 0`: expected 1 or more")));
             }
         }
-        let Some(command) = &self.task_runner else { return Ok(None) };
-        let hands = Arc::new(TaskRunner::new(command)?);
-        Ok(Some(Lending { hands, tasks: self.tasks, tries: self.task_tries, patience: Lending::PATIENCE }))
+        let hands: SharedHands = match (&self.task_runner, &self.hands) {
+            (None, None) => return Ok(None),
+            (None, Some(hands)) => hands.clone(),
+            (Some(command), None) => Arc::new(TaskRunner::new(command)?).into(),
+            (Some(_), Some(_)) => return Err(Error::Usage("expected `task_runner` or `hands`, found both".into())),
+        };
+        Ok(Some(Lending { hands, tasks: self.tasks, tries: self.task_tries }))
     }
 }
 
@@ -94,6 +101,7 @@ impl Default for JobOptions {
             no_sync: false,
             force: false,
             task_runner: None,
+            hands: None,
             tasks: Lending::TASKS,
             task_tries: Lending::TRIES,
         }

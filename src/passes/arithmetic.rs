@@ -10,6 +10,7 @@ use super::stop_rule::{ClusterStop, Wanted};
 use crate::base::error::escape_path;
 use crate::base::id::TiVec;
 use crate::base::{Error, Result};
+use crate::cost::Weights;
 use crate::cost::mesh_stats::MeshStats;
 use crate::job::stage::Stage;
 use crate::mesh::ClusterMesh;
@@ -42,6 +43,16 @@ pub fn checksum(cost: Cost) -> u64 {
         hash.update(bytemuck::cast_slice(&mesh.uv_triangle(face).map(|p| p.to_array())));
     }
     hash.digest()
+}
+
+/// Checksum by the cost that other machines are compared by where no cost is given.
+pub fn usual_checksum() -> u64 {
+    checksum(usual_cost())
+}
+
+/// The cost that other machines are compared by where no cost is given.
+pub fn usual_cost() -> Cost {
+    Cost::Surface(Weights::default())
 }
 
 /// Refuses to do tasks of a stage where the engine makes something else of the same mesh.

@@ -13,7 +13,7 @@ use super::sweep_plan::{SweepOutput, SweepPlan};
 use crate::base::Result;
 use crate::base::ordered::{Crew, finish_in_order};
 use crate::job::StepKey;
-use crate::lend::LentClusters;
+use crate::lend::LentResults;
 use crate::model::StoredPiece;
 use crate::model::piece::PendingPiece;
 use crate::os::mmap;
@@ -131,7 +131,12 @@ impl Run<'_> {
         }
     }
 
-    fn simplify_or_recall(&self, sweep: &Sweep<'_>, lent: &LentClusters, cluster: ClusterId) -> Result<ClusterOutput> {
+    fn simplify_or_recall(
+        &self,
+        sweep: &Sweep<'_>,
+        lent: &LentResults<ClusterId>,
+        cluster: ClusterId,
+    ) -> Result<ClusterOutput> {
         self.progress.check_stopped()?;
         let context = (sweep.partition, cluster);
         if let Some(result) = self.job.recall::<ClusterResult>(&sweep.step(cluster).key(), &context)? {

@@ -12,9 +12,9 @@ use super::steps::PassStep;
 use crate::base::{Progress, Result, WorkLimits};
 use crate::job::Recalled;
 use crate::job::stage::{Stage, StageTask};
-use crate::lend::{Lendable, LentClusters, LentWork, details_of, encoded, lend};
-use crate::model::{Catalogue, StoredMesh};
-use crate::partition::{Partition, TextureScale};
+use crate::lend::{Lendable, LentItem, LentResult, LentResults, LentWork, details_of, encoded, lend};
+use crate::model::{Catalogue, StoredMesh, StoredPiece};
+use crate::partition::{ClusterId, Partition, TextureScale};
 use crate::remesh::cvd::{CvdSettings, FrozenStatistics};
 
 /// Kind of the stages whose tasks are done by [`do_task`].
@@ -48,11 +48,11 @@ impl Recalled for RemeshDetails {
 
 impl Run<'_> {
     /// Has clusters remeshed by other processes, if the job has any; returns what they did, now or before.
-    pub(super) fn lend_remesh(&self, pass: &RemeshPass<'_>) -> Result<LentClusters> {
+    pub(super) fn lend_remesh(&self, pass: &RemeshPass<'_>) -> Result<LentResults<ClusterId>> {
         let RemeshPass { number, settings, frame, partition } = *pass;
         let what = Lendable {
             kind: REMESH,
-            partition,
+            items: LentItem::clusters_of(partition),
             prefix: PassStep::prefix_of_clusters(number, 0),
             parent: PassStep::Stops { pass: number, attempt: 0 }.key(),
             arithmetic: &|| arithmetic::checksum(self.options.cost),
@@ -62,6 +62,12 @@ impl Run<'_> {
         let (cost, cluster_faces) = (self.options.cost, self.options.cluster_faces);
         let details = (settings, frame, partition, mesh, catalogue, scale, cost, cluster_faces);
         lend(self.job, &what, || encoded(&details), self.progress)
+    }
+}
+
+impl LentResult for RemeshedCluster {
+    fn add_piece(&mut self, piece: StoredPiece) {
+        self.pieces.push(piece);
     }
 }
 
@@ -76,12 +82,10 @@ pub fn do_task(stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &d
     let RemeshDetails { settings, frame, partition, mesh, catalogue, scale, .. } = &details;
     let remesher = Remesher { settings, frame, partition, mesh, catalogue, scale };
     let work = LentWork {
-        partition,
+        items: LentItem::clusters_of(partition),
         has_pieces: true,
         bytes: &|cluster| remesh_bytes(partition, cluster),
         work: &|cluster| remesher.remesh(cluster),
-        add: &|result: &mut RemeshedCluster, piece| result.pieces.push(piece),
-        files: &|_| Vec::new(),
     };
     work.run(stage, task, limits, progress)
 }

@@ -19,9 +19,9 @@ use crate::base::{Progress, Result, WorkLimits};
 use crate::cost::mesh_stats::MeshStats;
 use crate::job::Recalled;
 use crate::job::stage::{Stage, StageTask};
-use crate::lend::{Lendable, LentClusters, LentWork, details_of, encoded, lend};
-use crate::model::{Catalogue, StoredMesh};
-use crate::partition::Partition;
+use crate::lend::{Lendable, LentItem, LentResult, LentResults, LentWork, details_of, encoded, lend};
+use crate::model::{Catalogue, StoredMesh, StoredPiece};
+use crate::partition::{ClusterId, Partition};
 
 /// Kind of the stages whose tasks are done by [`do_task`].
 pub const SWEEP: &str = "sweep";
@@ -56,10 +56,10 @@ impl Recalled for SweepDetails {
 
 impl Run<'_> {
     /// Has clusters of a sweep done by other processes, if the job has any; returns what they did, now or before.
-    pub(super) fn lend_sweep(&self, sweep: &Sweep<'_>) -> Result<LentClusters> {
+    pub(super) fn lend_sweep(&self, sweep: &Sweep<'_>) -> Result<LentResults<ClusterId>> {
         let what = Lendable {
             kind: SWEEP,
-            partition: sweep.partition,
+            items: LentItem::clusters_of(sweep.partition),
             prefix: sweep.prefix_of_several(),
             parent: sweep.parent(),
             arithmetic: &|| arithmetic::checksum(self.options.cost),
@@ -69,6 +69,12 @@ impl Run<'_> {
         let (cost, cluster_faces) = (self.options.cost, self.options.cluster_faces);
         let details = (&sweep.plan, sweep.partition, mesh, self.catalogue, &self.texture, cost, stats, cluster_faces);
         lend(self.job, &what, || encoded(&details), self.progress)
+    }
+}
+
+impl LentResult for ClusterResult {
+    fn add_piece(&mut self, piece: StoredPiece) {
+        self.pieces.push(piece);
     }
 }
 
@@ -87,12 +93,10 @@ pub fn do_task(stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &d
     }
     let worker = details.worker(&*engine);
     let work = LentWork {
-        partition: &details.partition,
+        items: LentItem::clusters_of(&details.partition),
         has_pieces: !details.plan.is_trial(),
         bytes: &|cluster| worker.bytes(cluster),
         work: &|cluster| worker.simplify(cluster, |_| ()),
-        add: &|result: &mut ClusterResult, piece| result.pieces.push(piece),
-        files: &|_| Vec::new(),
     };
     work.run(stage, task, limits, progress)
 }

@@ -25,7 +25,7 @@ use super::steps::PassStep;
 use crate::base::Result;
 use crate::base::ordered::map_in_order;
 use crate::job::{Recalled, folder_bytes};
-use crate::lend::LentClusters;
+use crate::lend::LentResults;
 use crate::model::{Catalogue, StoredMesh, StoredPiece};
 use crate::partition::{ClusterId, ClusterSource, Partition, PieceContent, TextureScale, cluster, heavy, write_shared};
 use crate::remesh::cvd::mass::MassSums;
@@ -150,7 +150,7 @@ impl Run<'_> {
     fn remesh_or_recall(
         &self,
         pass: &RemeshPass<'_>,
-        lent: &LentClusters,
+        lent: &LentResults<ClusterId>,
         cluster: ClusterId,
     ) -> Result<RemeshedCluster> {
         self.progress.check_stopped()?;

@@ -48,7 +48,6 @@ use self::run_log::{FinishedRun, RunLog};
 use self::texturing::Texturing;
 use crate::base::{Progress, Result};
 use crate::job::WorkFolder;
-use crate::job::stage::Lending;
 use crate::model::Catalogue;
 use crate::options::SimplifyOptions;
 use crate::os::timeline::Recorder;
@@ -62,21 +61,6 @@ pub use self::preflight::work_folder;
 pub use self::task::{TaskEnd, do_task};
 #[cfg(feature = "images")]
 pub use self::tile::tile;
-
-/// As [`simplify`], but has tasks of the job done elsewhere.
-///
-/// # Errors
-/// Those of [`simplify`], and [`Error::Elsewhere`](crate::base::Error::Elsewhere).
-pub fn simplify_elsewhere(
-    input: impl Into<InputChoice>,
-    output: &Path,
-    options: &SimplifyOptions,
-    lending: Lending,
-    progress: &dyn Progress,
-) -> Result<Report> {
-    let preflight = Preflight::check(input.into(), output, options)?;
-    run_and(&Preflight { lending: Some(lending), ..preflight }, progress, |_, _| Ok(()))
-}
 
 /// Simplifies meshes in files, or in all files below folders, into one file.
 ///
@@ -105,17 +89,10 @@ pub fn simplify_and(
     progress: &dyn Progress,
     then: impl FnOnce(&Report, u64) -> Result<()>,
 ) -> Result<Report> {
-    run_and(&Preflight::check(input.into(), output, options)?, progress, then)
-}
-
-fn run_and(
-    job: &Preflight<'_>,
-    progress: &dyn Progress,
-    then: impl FnOnce(&Report, u64) -> Result<()>,
-) -> Result<Report> {
+    let job = Preflight::check(input.into(), output, options)?;
     let recorder = Recorder::start(progress);
     job.run(|work| {
-        let report = run(job, work, &recorder)?;
+        let report = run(&job, work, &recorder)?;
         let report = Report { timeline: recorder.finish(), ..report };
         then(&report, work.number())?;
         Ok(report)

@@ -11,6 +11,8 @@ use crate::job::stage::{BUILD, Stage, StageTask};
 use crate::options::{Limits, SimplifyOptions};
 use crate::passes::{lend_remesh, lend_sweep};
 use crate::plan::memory;
+#[cfg(feature = "images")]
+use crate::tile::lend as tile;
 
 /// How a task ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,6 +59,8 @@ fn work(stage: &Stage, task: &StageTask, limits: Limits, progress: &dyn Progress
     match stage.kind() {
         #[cfg(feature = "images")]
         bake::BAKE => bake::do_task(stage, task, limits, progress),
+        #[cfg(feature = "images")]
+        tile::TILE => tile::do_task(stage, task, limits, progress),
         lend_remesh::REMESH => lend_remesh::do_task(stage, task, limits, progress),
         lend_sweep::SWEEP => lend_sweep::do_task(stage, task, limits, progress),
         _ => Err(Error::Damaged { path: stage.path(), message: "it holds tasks of no known kind".into() }),

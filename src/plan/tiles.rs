@@ -19,7 +19,7 @@ use crate::base::{MemoryBudget, Progress, Result, bytes, counted, grouped};
 use crate::options::{ImageFormat, TileOptions};
 use crate::os::system;
 use crate::read::{self, InputChoice, TextureSample};
-use crate::tile::{Pyramid, pass_count};
+use crate::tile::{TileCrew, pass_count};
 
 /// Triangles of the finest level by those of the input: cuts and skirts add some.
 const WITH_BORDERS: f64 = 1.2;
@@ -109,7 +109,7 @@ pub fn plan_tiles(
 
     let levels = forecast_levels(faces as f64, images.shown, options);
     let sizes = Sizes::of(faces, counts.vertices, &simplify);
-    let painting = threads as u64 * Pyramid::worker_bytes(options.tile_faces, options.tile_side);
+    let painting = threads as u64 * TileCrew::worker_bytes(options.tile_faces, options.tile_side);
     let painting = MemoryBudget::FIXED_BYTES + painting.max(images.decoding_bytes).min(budget.for_work());
     let folder = scratch::existing_folder(options.job.work.as_deref().unwrap_or(std::path::Path::new(".")));
     let of_passes = scratch::forecast(&counts, &sizes, pass_count(faces, options.tile_faces), budget);

@@ -5,9 +5,10 @@ use std::collections::{HashMap, HashSet};
 use foldhash::fast::FixedState;
 use glam::{DVec3, IVec3};
 
-use super::cut::TileTriangle;
+use super::cut::{CutLevel, TileTriangle};
 use super::lattice::Lattice;
 use super::settings::FACES_OF_STRIP;
+use crate::base::Result;
 use crate::base::id::TiVec;
 use crate::mesh::id::{FaceId, LocalVertex};
 use crate::model::id::ImageId;
@@ -97,6 +98,19 @@ fn sorted([a, b]: [[i32; 3]; 2]) -> [[i32; 3]; 2] {
 }
 
 impl TileMesh {
+    /// Reads the tile at an index from the triangles of its level, and joins them.
+    ///
+    /// # Errors
+    /// On failed reads and damaged files.
+    pub fn read(triangles: &CutLevel, index: usize, lattice: Lattice) -> Result<Self> {
+        let mut own = Vec::with_capacity(triangles.len(index) as usize);
+        triangles.read(index, |block| {
+            own.extend_from_slice(block);
+            Ok(())
+        })?;
+        Ok(Self::join(&own, lattice))
+    }
+
     /// Joins the triangles of a tile.
     pub fn join(triangles: &[TileTriangle], lattice: Lattice) -> Self {
         let mut mesh = Self::default();

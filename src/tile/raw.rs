@@ -8,11 +8,11 @@
 
 use std::path::Path;
 
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::mesh::TileMesh;
 use super::paint::PaintedTile;
-use super::scene::TileScene;
 use super::steps::TileStep;
 use super::tree::TileId;
 use crate::bake::{Original, PaintedImage};
@@ -44,52 +44,63 @@ impl Recalled for RawTile {
     }
 }
 
-/// Where a tile belongs.
-#[derive(Clone, Copy)]
-pub struct RawPlace<'a> {
-    /// The folder for its files, and its steps.
-    pub work: &'a WorkFolder,
-    /// Its node.
-    pub node: TileId,
-    /// Number of the tile among those of its level.
-    pub index: usize,
-    /// Where the level lies.
-    pub scene: &'a TileScene,
-    /// Number of the level.
-    pub level: u32,
+/// What is kept of a tile, before it is written.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct RawDraft {
+    /// Positions are relative to this.
+    origin: DVec3,
+    positions: Vec<DVec3>,
+    faces: Vec<RawFace>,
+    /// The image at half of its size: three bytes a texel.
+    rgb: Vec<u8>,
+    size: [usize; 2],
 }
 
-impl RawTile {
-    /// Keeps a tile; `None` if it has no triangles with texels.
+/// A triangle: its vertices and their texture coordinates.
+type RawFace = ([u32; 3], [[f32; 2]; 3]);
+
+impl RawDraft {
+    /// What is kept of a tile with this mesh, whose positions are relative to `origin`; `None` if it has no triangles with
+    /// texels.
+    pub fn of(mesh: &TileMesh, tile: &PaintedTile, origin: DVec3) -> Option<Self> {
+        let image = tile.image.as_ref().filter(|_| !tile.texcoords.is_empty())?;
+        let face =
+            |&(face, texcoords): &(FaceId, [[f32; 2]; 3])| (mesh.faces[face].map(LocalVertex::number), texcoords);
+        let faces = tile.texcoords.iter().map(face).collect();
+        let (rgb, size) = halved(image);
+        Some(Self { origin, positions: mesh.positions.raw.clone(), faces, rgb, size })
+    }
+
+    /// Reports whether its parts fit together.
+    pub fn is_sound(&self) -> bool {
+        let is_vertex = |&vertex: &u32| (vertex as usize) < self.positions.len();
+        let texels = self.size[0].checked_mul(self.size[1]).and_then(|texels| texels.checked_mul(3));
+        texels == Some(self.rgb.len()) && self.faces.iter().all(|(vertices, _)| vertices.iter().all(is_vertex))
+    }
+
+    /// Writes the tile `node` of a level, the one with this index among those of its level, and records it.
     ///
     /// # Errors
     /// On a full disk, failed reads and writes.
-    pub fn keep(mesh: &TileMesh, tile: &PaintedTile, place: &RawPlace<'_>) -> Result<Option<Self>> {
-        let (Some(image), false) = (&tile.image, tile.texcoords.is_empty()) else { return Ok(None) };
-        let key = TileStep::Raw { level: place.level, tile: place.node }.key();
-        let name = key.name();
-        let folder = place.work.path();
-        let origin = place.scene.origin + place.scene.lattice(place.level).position(mesh.middle);
-        let shown = ImageId::from(place.index);
-        let face = |(face, texcoords): &(FaceId, [[f32; 2]; 3])| CellFace {
-            vertices: mesh.faces[*face].map(LocalVertex::number),
-            image: shown,
-            texcoords: *texcoords,
-        };
-        let faces: Vec<CellFace> = tile.texcoords.iter().map(face).collect();
-        let path = folder.join(format!("{name}.cells"));
-        let mut writer = CellWriter::create(&path, origin)?;
-        writer.append(CellDraft::new(origin, mesh.positions.raw.clone(), &faces, Vec::new()))?;
+    pub fn keep(self, work: &WorkFolder, level: u32, node: TileId, index: usize) -> Result<Option<RawTile>> {
+        let key = TileStep::Raw { level, tile: node }.key();
+        let place = |ending: &str| work.path().join(format!("{}.{ending}", key.name()));
+        let image = ImageId::from(index);
+        let faces: Vec<CellFace> =
+            self.faces.iter().map(|&(vertices, texcoords)| CellFace { vertices, image, texcoords }).collect();
+        let mut writer = CellWriter::create(&place("cells"), self.origin)?;
+        writer.append(CellDraft::new(self.origin, self.positions, &faces, Vec::new()))?;
         let (cells, _) = writer.finish()?;
-        let (rgb, size) = halved(image);
-        let image = StoredImage::store(&rgb, size, &folder.join(format!("{name}.texels")))?;
+        let image = StoredImage::store(&self.rgb, self.size, &place("texels"))?;
         let Some(cell) = cells.into_iter().next() else { return Ok(None) };
-        let raw = Self { cell, image };
-        let step = Step::new(key).from([TileStep::Cut { level: place.level }.key()]);
-        place.work.keep(step, [path.as_path(), raw.image.path()], &raw)?;
+        let raw = RawTile { cell, image };
+        let step = Step::new(key.clone()).from([TileStep::Cut { level }.key()]);
+        work.keep(step, [raw.cell.path(), raw.image.path()], &raw)?;
         Ok(Some(raw))
     }
+}
 
+impl RawTile {
     /// The surface of all tiles of a level, with texels of this length.
     pub fn join(tiles: &[Option<Self>], texel: f64) -> Original {
         let images = tiles.iter().map(|tile| tile.as_ref().map(|tile| tile.image.clone())).collect();

@@ -1,44 +1,33 @@
 //! Builds the pyramid once its levels are known: tree, tiles of each level, tileset.
 
 use std::path::Path;
-use std::sync::Mutex;
 
 use glam::DMat4;
 use serde::{Deserialize, Serialize};
 
 use super::chain::Level;
-use super::colours::{ColourError, ColourMeter};
 use super::copy::{CopiedCharts, Uncopied};
+use super::crew::{LevelPlan, MadeTile, TileCrew};
 use super::cut::{CutLevel, cut};
 use super::deviation::TilePlan;
 use super::figures::{LevelFigures, TileRecord};
 use super::mesh::TileMesh;
 use super::node_counts::{LevelTiles, count};
-use super::paint::{BareTile, PaintedTile};
-use super::raw::{RawPlace, RawTile};
+use super::raw::RawTile;
 use super::scene::TileScene;
 use super::settings::{TilePlace, TileSettings};
-use super::skirt::{LEVELS_APART, SkirtShape};
+use super::skirt::LEVELS_APART;
 use super::steps::TileStep;
 use super::tileset::{ListedLevel, ListedTile, TilesetDocument, tile_name};
 use super::tree::{TileId, TileTree};
 use super::triangles::LevelTriangles;
-use crate::bake::{Original, PAINTER_BYTES, PatchBaker, PatchSettings, SURFACE};
+use crate::bake::{Original, SURFACE};
 use crate::base::id::TiVec;
-use crate::base::lock::lock;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Permits, Result};
-use crate::image::stored::TexelReader;
 use crate::job::{Recalled, Step};
-use crate::os::content::Content;
 use crate::os::durable::{DurableFile, make_folders};
 use crate::surface::cells::SurfaceCells;
-
-/// Memory of a triangle of a tile while it is made, in bytes, and of a texel.
-const FACE_BYTES: u64 = 700;
-const TEXEL_BYTES: u64 = 8;
-/// Memory of a thread that compares the colours of tiles with those of the input, in bytes.
-const METER_BYTES: u64 = 10 << 20;
 
 /// A pyramid under way.
 pub struct Pyramid<'a> {
@@ -86,11 +75,6 @@ impl Recalled for TileTree {
 }
 
 impl Pyramid<'_> {
-    /// Memory of a thread that makes tiles, in bytes.
-    pub fn worker_bytes(faces: u64, side: u32) -> u64 {
-        faces * FACE_BYTES + u64::from(side) * u64::from(side) * TEXEL_BYTES + PAINTER_BYTES + METER_BYTES
-    }
-
     /// Cuts the levels into tiles, writes these and at last the tileset.
     ///
     /// # Errors
@@ -192,7 +176,7 @@ impl Pyramid<'_> {
         let mut found = Vec::new();
         let fits = |index: usize| {
             progress.check_stopped()?;
-            let mesh = self.load(&cut.triangles, index, number)?;
+            let mesh = TileMesh::read(&cut.triangles, index, self.scene.lattice(number))?;
             if mesh.faces_with_skirt() > self.settings.faces {
                 return Ok((index, false));
             }
@@ -206,15 +190,6 @@ impl Pyramid<'_> {
             Ok(())
         })?;
         Ok(found)
-    }
-
-    fn load(&self, triangles: &CutLevel, index: usize, number: u32) -> Result<TileMesh> {
-        let mut own = Vec::with_capacity(triangles.len(index) as usize);
-        triangles.read(index, |block| {
-            own.extend_from_slice(block);
-            Ok(())
-        })?;
-        Ok(TileMesh::join(&own, self.scene.lattice(number)))
     }
 
     /// Writes the tiles of a level, which are baked from those of the level below.
@@ -234,45 +209,74 @@ impl Pyramid<'_> {
             known.push(work.recall::<TileRecord>(&key, &&*output.join(tile_name(number, node)))?);
         }
         let is_done = known.iter().all(Option::is_some);
-        let original = match &mut below {
+        let joined = match &mut below {
             Some(below) if !is_done && self.settings.has_colour => Some(self.join(below, number)?),
             _ => None,
         };
-        let crew = TileCrew::new(self, original.as_ref().unwrap_or(self.original), levels, number, nodes.len());
-        let permits =
-            Permits::new(limits.work_bytes.saturating_sub(limits.threads as u64 * (PAINTER_BYTES + METER_BYTES)));
-        let texels = u64::from(self.settings.side) * u64::from(self.settings.side);
-        let is_last = number as usize + 1 == levels.len();
+        let plan = self.plan(levels, number, cut, joined.as_ref());
+        let missing: Vec<TileId> =
+            nodes.iter().zip(&known).filter(|(_, known)| known.is_none()).map(|(&node, _)| node).collect();
+        let lent = plan.lend(&missing, work, progress)?;
+        let crew = TileCrew::new(&plan, limits, progress);
+        let permits = Permits::new(TileCrew::budget(limits));
         let make = |index: usize| {
-            let node = nodes[index];
             if let Some(record) = known[index] {
-                return Ok((record, None));
+                return Ok(ReadyTile { record, raw: None, is_told: false });
             }
             progress.check_stopped()?;
-            let of_texel = TEXEL_BYTES + self.settings.format.encoder_bytes();
-            let _permit = permits.take(cut.triangles.len(index) * FACE_BYTES + texels * of_texel);
-            let mesh = self.load(&cut.triangles, index, number)?;
-            let painted = crew.make(&mesh)?;
-            let place = RawPlace { work, node, index, scene: self.scene, level: number };
-            let raw = if is_last { None } else { RawTile::keep(&mesh, &painted, &place)? };
-            let record = TileRecord {
-                colours: crew.measure(index, &mesh, &painted)?,
-                ..self.write_tile(node, &painted, &output.join(tile_name(number, node)))?
-            };
-            let key = TileStep::Tile { level: number, tile: node }.key();
-            let step = Step::new(key).from([TileStep::Cut { level: number }.key()]).of_size(record.faces);
-            work.keep(step.that_outlasts(), [], &record)?;
-            Ok((record, raw))
+            if let Some((made, is_told)) = lent.result(work.path(), nodes[index], &())? {
+                return self.keep(number, index, made, is_told);
+            }
+            let _permit = permits.take(plan.tile_bytes(index));
+            self.keep(number, index, crew.make(index)?, false)
         };
         let mut all = TilesOfLevel { records: Vec::with_capacity(nodes.len()), raws: Vec::with_capacity(nodes.len()) };
-        map_in_order(0..nodes.len(), limits.threads, limits.threads + 1, make, |(record, raw)| {
-            progress.advance(1);
-            all.records.push(record);
-            all.raws.push(raw);
+        map_in_order(0..nodes.len(), limits.threads, limits.threads + 1, make, |ready| {
+            progress.advance(u64::from(!ready.is_told));
+            all.records.push(ready.record);
+            all.raws.push(ready.raw);
             Ok(())
         })?;
         below.iter().flat_map(|below| &below.raws).flatten().for_each(RawTile::remove);
         Ok(all)
+    }
+
+    /// What the tiles of a level are made of; `joined` are those of the level below.
+    fn plan<'s>(
+        &'s self,
+        levels: &'s [Level],
+        number: u32,
+        cut: &'s CutRecord,
+        joined: Option<&'s Original>,
+    ) -> LevelPlan<'s> {
+        let (mesh, coarsest) = (&levels[number as usize].mesh, levels.len() as u32 - 1);
+        let near = number.saturating_sub(LEVELS_APART)..=(number + LEVELS_APART).min(coarsest);
+        let others = near.filter(|&other| other != number).map(|other| levels[other as usize].surface.as_deref());
+        LevelPlan {
+            scene: self.scene,
+            settings: self.settings,
+            number,
+            coarsest,
+            away: mesh.to_input.rms.max(mesh.from_input.rms).max(self.scene.lattice(number).step),
+            nodes: &cut.tiles.tiles,
+            triangles: &cut.triangles,
+            input: self.original,
+            below: joined,
+            others: others.collect(),
+        }
+    }
+
+    /// Writes a tile, and records it.
+    fn keep(&self, level: u32, index: usize, made: MadeTile, is_told: bool) -> Result<ReadyTile> {
+        let (work, MadeTile { record, raw, glb }) = (self.place.work, made);
+        let node = record.node;
+        let raw = raw.map(|raw| raw.keep(work, level, node, index)).transpose()?.flatten();
+        if !record.is_empty() {
+            self.write(&self.place.output.join(tile_name(level, node)), &glb)?;
+        }
+        let step = Step::new(TileStep::Tile { level, tile: node }.key()).from([TileStep::Cut { level }.key()]);
+        work.keep(step.of_size(record.faces).that_outlasts(), [], &record)?;
+        Ok(ReadyTile { record, raw, is_told })
     }
 
     /// The surface that the tiles of a level are baked from: the finished tiles of the level below.
@@ -289,25 +293,6 @@ impl Pyramid<'_> {
             }
         }
         Ok(RawTile::join(&below.raws, self.scene.texel_of(number)))
-    }
-
-    fn write_tile(&self, node: TileId, tile: &PaintedTile, path: &Path) -> Result<TileRecord> {
-        let bytes = tile.content.to_glb(self.settings.is_compressed);
-        if !tile.content.triangles.is_empty() {
-            self.write(path, &bytes)?;
-        }
-        Ok(TileRecord {
-            node,
-            bounds: tile.content.bounds(),
-            faces: tile.content.triangles.len() as u64,
-            texels: tile.texels,
-            covered: tile.painted.covered,
-            colourless: tile.painted.colourless,
-            charts: tile.charts,
-            is_reduced: tile.is_reduced,
-            colours: ColourError::default(),
-            content: Content::of_bytes(&bytes),
-        })
     }
 
     /// Writes a file of the result under its final name, durably.
@@ -330,74 +315,10 @@ struct TilesOfLevel {
     raws: Vec<Option<RawTile>>,
 }
 
-/// Makes the tiles of a level on several threads.
-struct TileCrew<'a> {
-    pyramid: &'a Pyramid<'a>,
-    original: &'a Original,
-    skirt: SkirtShape<'a>,
-    /// Whether texels are copied where they can be.
-    copies: bool,
-    baker: PatchBaker<'a>,
-    readers: Mutex<Vec<TexelReader<'a>>>,
-    meter: ColourMeter<'a>,
-}
-
-impl<'a> TileCrew<'a> {
-    fn new(pyramid: &'a Pyramid<'a>, original: &'a Original, levels: &'a [Level], number: u32, tiles: usize) -> Self {
-        let Pyramid { scene, place: TilePlace { limits, progress, .. }, .. } = *pyramid;
-        let (level, lattice, texel) = (&levels[number as usize], scene.lattice(number), scene.texel_of(number));
-        let most = (limits.work_bytes / 2 / PAINTER_BYTES) as usize;
-        let settings = PatchSettings {
-            texel,
-            away: level.mesh.to_input.rms.max(level.mesh.from_input.rms).max(lattice.step),
-            side: pyramid.settings.side,
-            painters: limits.threads.clamp(1, most.max(1)),
-        };
-        let coarsest = (number + LEVELS_APART).min(levels.len() as u32 - 1);
-        let near = number.saturating_sub(LEVELS_APART)..=coarsest;
-        let others = near.filter(|&other| other != number).map(|other| pyramid.surface(&levels[other as usize]));
-        let skirt = SkirtShape {
-            lattice,
-            texel,
-            coarsest_texel: scene.texel_of(coarsest),
-            scene_origin: scene.origin,
-            others: others.collect(),
-        };
-        let baker = PatchBaker::new(original, &settings, progress);
-        let meter = ColourMeter::new(pyramid.original, texel, settings.away, tiles);
-        Self { pyramid, original, skirt, copies: number == 0, baker, readers: Mutex::default(), meter }
-    }
-
-    /// How far the colours of a tile are from those of the input, if it is one of those that are measured.
-    fn measure(&self, index: usize, mesh: &TileMesh, tile: &PaintedTile) -> Result<ColourError> {
-        if !self.meter.is_measured(index) {
-            return Ok(ColourError::default());
-        }
-        let SkirtShape { lattice, scene_origin, .. } = self.skirt;
-        self.meter.measure(mesh, scene_origin + lattice.position(mesh.middle), tile)
-    }
-
-    fn make(&self, mesh: &TileMesh) -> Result<PaintedTile> {
-        let settings = self.pyramid.settings;
-        let strips = self.skirt.strips(mesh)?;
-        let SkirtShape { lattice, scene_origin, .. } = self.skirt;
-        let tile = BareTile { mesh, strips: &strips, lattice, scene_origin };
-        if !settings.has_colour {
-            return Ok(tile.plain());
-        }
-        if !self.copies {
-            return tile.paint(&self.baker, settings.format);
-        }
-        match CopiedCharts::new(mesh, self.original, settings.side) {
-            Ok(charts) => {
-                let reader = lock(&self.readers).pop();
-                let mut reader = reader.unwrap_or_else(|| self.original.reader());
-                let painted = tile.copy(&charts, &mut reader, settings.format)?;
-                lock(&self.readers).push(reader);
-                Ok(painted)
-            }
-            Err(Uncopied::NoTexels) => tile.paint(&self.baker, settings.format),
-            Err(Uncopied::TooMany) => Ok(PaintedTile { is_reduced: true, ..tile.paint(&self.baker, settings.format)? }),
-        }
-    }
+/// A tile that is written.
+struct ReadyTile {
+    record: TileRecord,
+    raw: Option<RawTile>,
+    /// Whether the progress knows of it.
+    is_told: bool,
 }

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
+
 use super::tree::TileLimits;
 use crate::base::{Progress, WorkLimits};
 use crate::job::WorkFolder;
@@ -14,7 +16,7 @@ const FILL: f64 = 0.5;
 pub const FACES_OF_STRIP: u64 = 2;
 
 /// How tiles are made.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct TileSettings {
     /// Triangles of a tile at most.
     pub faces: u64,

@@ -35,6 +35,11 @@ pub enum TileStep {
 }
 
 impl TileStep {
+    /// What the keys of steps begin with that record tiles which another process made.
+    pub fn prefix_of_tiles(level: u32) -> String {
+        format!("tile-made-{level:02}")
+    }
+
     /// Its key.
     pub fn key(self) -> StepKey {
         match self {

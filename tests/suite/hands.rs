@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use crate::meshes::{contents, in_many_clusters, noise, ratio, terrain, town};
 use drystone::base::{ErrorKind, Progress, Result, Silent};
-use drystone::job::stage::{Hands, HandsEnd, Lending, Stage, stages};
-use drystone::options::{CvdSettings, Limits, MetricChoice, SimplifyOptions, Target};
+use drystone::job::stage::{Hands, HandsEnd, SharedHands, Stage, stages};
+use drystone::options::{CvdSettings, JobOptions, Limits, MetricChoice, SimplifyOptions, Target, TileOptions};
 use drystone::pipeline::{self, TaskEnd, do_task};
 
 const LIMITS: Limits = Limits { memory: Some(128 << 20), threads: Some(1) };
@@ -21,6 +21,7 @@ struct Careless {
     lent: AtomicUsize,
     done: AtomicUsize,
     seen: Mutex<HashSet<u64>>,
+    kinds: Mutex<HashSet<String>>,
 }
 
 impl Careless {
@@ -32,6 +33,7 @@ impl Careless {
 impl Hands for Careless {
     fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<HandsEnd> {
         let is_first = self.seen.lock().unwrap().insert(stage.id());
+        self.kinds.lock().unwrap().insert(stage.kind().to_owned());
         let mut tasks: Vec<usize> = (0..stage.tasks().len()).collect();
         tasks.sort_by(|&a, &b| self.chance(a, 1).total_cmp(&self.chance(b, 1)));
         self.lent.fetch_add(1, Ordering::Relaxed);
@@ -48,10 +50,14 @@ impl Hands for Careless {
         }
         Ok(HandsEnd::Done)
     }
+
+    fn patience(&self) -> Duration {
+        Duration::from_millis(1)
+    }
 }
 
-fn lending(hands: Arc<dyn Hands>, tasks: u32) -> Lending {
-    Lending { hands, tasks, tries: 3, patience: Duration::from_millis(1) }
+fn by(hands: impl Into<SharedHands>, tasks: u32) -> JobOptions {
+    JobOptions { hands: Some(hands.into()), tasks, ..JobOptions::default() }
 }
 
 /// The result and its other files, without the work folder.
@@ -65,8 +71,8 @@ fn same_bytes(input: &Path, options: &SimplifyOptions, tasks: u32, seed: usize) 
     let [alone, helped] = [(), ()].map(|()| tempfile::tempdir().unwrap());
     let expected = pipeline::simplify(input, &alone.path().join("out.obj"), options, &Silent).unwrap();
     let hands = Arc::new(Careless { seed, ..Careless::default() });
-    let output = helped.path().join("out.obj");
-    let report = pipeline::simplify_elsewhere(input, &output, options, lending(hands.clone(), tasks), &Silent).unwrap();
+    let options = SimplifyOptions { job: by(hands.clone(), tasks), ..options.clone() };
+    let report = pipeline::simplify(input, &helped.path().join("out.obj"), &options, &Silent).unwrap();
     assert_eq!(report.faces.output, expected.faces.output);
     assert!(result(alone.path()) == result(helped.path()), "{options:?}");
     assert_eq!(std::fs::read_dir(helped.path()).unwrap().count(), std::fs::read_dir(alone.path()).unwrap().count());
@@ -102,6 +108,73 @@ fn a_bound_a_remeshing_and_a_bake_give_the_same_bytes() {
 }
 
 #[test]
+fn a_pyramid_has_the_same_bytes() {
+    for (colours, seed) in [(true, 8), (false, 9)] {
+        let folder = tempfile::tempdir().unwrap();
+        let input = if colours { town() } else { folder.path().join("terrain.obj") };
+        if !colours {
+            std::fs::write(&input, terrain(80).text()).unwrap();
+        }
+        let options = TileOptions { tile_faces: 400, tile_side: 256, ..TileOptions::default() };
+        let [alone, helped] = ["alone", "helped"].map(|name| folder.path().join(name));
+        let expected = pipeline::tile(&*input, &alone, &options, &Silent).unwrap();
+        let hands = Arc::new(Careless { seed, ..Careless::default() });
+        let report = pipeline::tile(&*input, &helped, &TileOptions { job: by(hands.clone(), 5), ..options }, &Silent);
+        assert_eq!(report.unwrap().levels, expected.levels);
+        assert!(contents(&alone) == contents(&helped));
+        assert!(hands.kinds.lock().unwrap().contains("tile"));
+    }
+}
+
+/// Counts what a phase is told to have done.
+#[derive(Debug, Default)]
+struct Counting {
+    phases: Mutex<Vec<(&'static str, u64, u64)>>,
+}
+
+impl Progress for Counting {
+    fn begin(&self, phase: &'static str, total: u64, _unit: &'static str) {
+        self.phases.lock().unwrap().push((phase, total, 0));
+    }
+
+    fn advance(&self, units: u64) {
+        self.phases.lock().unwrap().last_mut().unwrap().2 += units;
+    }
+}
+
+#[test]
+fn progress_counts_every_task_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let (hands, progress) = (Arc::new(Careless { seed: 3, ..Careless::default() }), Counting::default());
+    let options = SimplifyOptions { job: by(hands.clone(), 6), ..in_many_clusters(ratio(0.3)) };
+    pipeline::simplify(town(), &folder.path().join("out.obj"), &options, &progress).unwrap();
+    assert!(hands.lent.load(Ordering::Relaxed) > hands.seen.lock().unwrap().len(), "no stage was lent twice");
+    let phases = progress.phases.into_inner().unwrap();
+    let simplified: Vec<_> = phases.into_iter().filter(|&(phase, ..)| phase == "simplify").collect();
+    assert!(!simplified.is_empty());
+    for (phase, total, done) in simplified {
+        assert_eq!(done, total, "{phase}");
+    }
+}
+
+/// Breaks down.
+#[derive(Debug)]
+struct Broken;
+
+impl Hands for Broken {
+    fn lend(&self, _stage: &Stage, _progress: &dyn Progress) -> Result<HandsEnd> {
+        panic!("these hands are broken")
+    }
+}
+
+#[test]
+fn a_panic_of_the_hands_comes_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let panic = std::panic::catch_unwind(|| town_elsewhere(folder.path(), Arc::new(Broken))).unwrap_err();
+    assert_eq!(panic.downcast_ref::<&str>(), Some(&"these hands are broken"));
+}
+
+#[test]
 fn trials_and_clusters_that_pass_through_give_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();
     let input = folder.path().join("terrain.obj");
@@ -130,11 +203,15 @@ impl Hands for Idle {
         }
         Ok(HandsEnd::Unsure)
     }
+
+    fn patience(&self) -> Duration {
+        Duration::from_millis(1)
+    }
 }
 
-fn town_elsewhere(folder: &Path, hands: Arc<dyn Hands>) -> Result<drystone::Report> {
-    let options = in_many_clusters(ratio(0.3));
-    pipeline::simplify_elsewhere(town(), &folder.join("out.obj"), &options, lending(hands, 6), &Silent)
+fn town_elsewhere(folder: &Path, hands: impl Into<SharedHands>) -> Result<drystone::Report> {
+    let options = SimplifyOptions { job: by(hands, 6), ..in_many_clusters(ratio(0.3)) };
+    pipeline::simplify(town(), &folder.join("out.obj"), &options, &Silent)
 }
 
 #[test]
@@ -189,6 +266,10 @@ impl Hands for Spoiler {
         }
         Ok(HandsEnd::Done)
     }
+
+    fn patience(&self) -> Duration {
+        Duration::from_millis(1)
+    }
 }
 
 #[test]
@@ -196,9 +277,8 @@ fn spoilt_results_count_as_none() {
     let [alone, helped] = [(), ()].map(|()| tempfile::tempdir().unwrap());
     let options = in_many_clusters(ratio(0.3));
     pipeline::simplify(town(), &alone.path().join("out.obj"), &options, &Silent).unwrap();
-    let output = helped.path().join("out.obj");
-    let hands = lending(Arc::new(Spoiler::default()), 8);
-    pipeline::simplify_elsewhere(town(), &output, &options, hands, &Silent).unwrap();
+    let options = SimplifyOptions { job: by(Arc::new(Spoiler::default()), 8), ..options };
+    pipeline::simplify(town(), &helped.path().join("out.obj"), &options, &Silent).unwrap();
     assert!(result(alone.path()) == result(helped.path()));
 }
 
@@ -215,6 +295,10 @@ impl Hands for Late {
         }
         self.stages.lock().unwrap().push(stage.path());
         Careless::default().lend(stage, progress)
+    }
+
+    fn patience(&self) -> Duration {
+        Duration::from_millis(1)
     }
 }
 

@@ -18,14 +18,14 @@ const FAILURE_BYTES_MAX: u64 = 16 << 10;
 
 /// Why a process could not do a task.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Failure {
+pub(super) struct TaskFailure {
     /// The machine.
     host: String,
     kind: ErrorKind,
     message: String,
 }
 
-impl Failure {
+impl TaskFailure {
     /// Whether the task fails everywhere.
     pub(super) fn is_final(&self) -> bool {
         !matches!(self.kind, ErrorKind::Io | ErrorKind::Stopped | ErrorKind::Locked)
@@ -42,7 +42,7 @@ impl Stage {
     /// Says why a task failed here; on a best-effort basis.
     pub fn note_failure(&self, task: &StageTask, error: &Error) {
         let host = crate::os::system::host_name();
-        let failure = Failure { host, kind: error.kind(), message: error.to_string() };
+        let failure = TaskFailure { host, kind: error.kind(), message: error.to_string() };
         let path = self.file_of(task, ERROR);
         let mut options = fs::File::options();
         let opened = no_links(options.write(true).create(true).truncate(true)).open(path);
@@ -56,7 +56,7 @@ impl Stage {
     }
 
     /// Why a task failed last, if a process said so.
-    pub(super) fn failure(&self, task: &StageTask) -> Option<Failure> {
+    pub(super) fn failure(&self, task: &StageTask) -> Option<TaskFailure> {
         let path = self.file_of(task, ERROR);
         let meta = fs::symlink_metadata(&path).ok()?;
         let is_short = meta.is_file() && meta.len() <= FAILURE_BYTES_MAX;

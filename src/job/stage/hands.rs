@@ -1,11 +1,15 @@
 //! Who does the tasks of a stage.
 
 use std::fmt::Debug;
+use std::ops::Deref;
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::stage_file::Stage;
 use crate::base::{Progress, Result};
+
+/// Shared file systems show a new file to other machines after this time at the latest.
+const PATIENCE: Duration = Duration::from_secs(90);
 
 /// What hands believe of the tasks of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,24 +30,51 @@ pub trait Hands: Debug + Send + Sync {
     /// # Errors
     /// If no task can be done ever; [`Error::Stopped`](crate::base::Error::Stopped) if `progress` asks for it.
     fn lend(&self, stage: &Stage, progress: &dyn Progress) -> Result<HandsEnd>;
+
+    /// How long names of finished files may take to appear, once all tasks are done.
+    fn patience(&self) -> Duration {
+        PATIENCE
+    }
 }
+
+/// Hands that several owners share.
+#[derive(Debug, Clone)]
+pub struct SharedHands(Arc<dyn Hands>);
+
+impl<H: Hands + 'static> From<Arc<H>> for SharedHands {
+    fn from(hands: Arc<H>) -> Self {
+        Self(hands)
+    }
+}
+
+impl Deref for SharedHands {
+    type Target = dyn Hands;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.0
+    }
+}
+
+impl PartialEq for SharedHands {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
+impl Eq for SharedHands {}
 
 /// How a job has its tasks done elsewhere.
 #[derive(Debug, Clone)]
 pub struct Lending {
     /// Who does them.
-    pub hands: Arc<dyn Hands>,
+    pub hands: SharedHands,
     /// Tasks of a stage, at most.
     pub tasks: u32,
     /// How often a stage is lent until all of its tasks have results.
     pub tries: u32,
-    /// How long names of finished files may take to appear.
-    pub patience: Duration,
 }
 
 impl Lending {
-    /// Shared file systems show a new file to other machines after this time at the latest.
-    pub const PATIENCE: Duration = Duration::from_secs(90);
     /// Default of `tasks`.
     pub const TASKS: u32 = 64;
     /// Default of `tries`.

@@ -6,18 +6,21 @@
 //! ```
 
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Mutex;
+use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use super::failure::TaskFailure;
 use super::folder::{remove_folder, remove_stages};
 use super::hands::{HandsEnd, Lending};
 use super::results::{RESULTS, ResultFrame, TaskContents};
 use super::stage_file::{Order, Stage, StageTask};
+use crate::base::lock::lock;
 use crate::base::threads::start;
-use crate::base::{Error, Progress, Result, counted};
+use crate::base::{Error, ErrorKind, Progress, Result, counted};
 use crate::file::name::is_file_name;
 use crate::job::WorkFolder;
 use crate::job::names::is_phase_file;
@@ -141,7 +144,7 @@ impl Stage {
         let is_of_task = |name: &str| is_file_name(name) && is_phase_file(name);
         let is_whole = contents.stage == self.id()
             && contents.files.iter().all(|stamp| is_of_task(stamp.name()) && stamp.is_at_head(&folder))
-            && contents.frames.iter().all(|frame| frame.item.checked_sub(task.first).is_some_and(|i| i < task.count));
+            && contents.frames.iter().all(|frame| task.holds(frame.item));
         is_whole.then_some(contents)
     }
 }
@@ -153,40 +156,71 @@ fn have_done(
     wanted: &[&StageTask],
     progress: &dyn Progress,
 ) -> Result<Vec<TaskContents>> {
-    let seen = Watch { stage, wanted, is_over: AtomicBool::new(false) };
-    for tried in 1..=lending.tries.max(1) {
+    let watch = Watch { stage, left: Mutex::new(wanted.to_vec()), progress };
+    let mut tried = 1;
+    loop {
         wanted.iter().for_each(|task| stage.forget_failure(task));
         let lent = if wanted.iter().all(|task| stage.contents(task).is_some()) {
             Ok(HandsEnd::Done)
         } else {
-            seen.during(progress, || lending.hands.lend(stage, progress))
+            watch.during(|| lending.hands.lend(stage, progress))
         };
         if matches!(lent, Err(Error::Stopped)) {
             return Err(Error::Stopped);
         }
         let is_sure = matches!(lent, Ok(HandsEnd::Done));
-        let patience = if is_sure { lending.patience } else { SHORT_PATIENCE.min(lending.patience) };
+        let patience = lending.hands.patience().min(if is_sure { Duration::MAX } else { SHORT_PATIENCE });
         let contents = wait_for(stage, wanted, patience, progress)?;
-        let missing: Vec<usize> = (0..wanted.len()).filter(|&i| contents[i].is_none()).collect();
-        let Some(&first) = missing.first() else { return Ok(contents.into_iter().flatten().collect()) };
-        let numbers = |i: usize| stage.tasks().iter().position(|task| task == wanted[i]).unwrap_or(i);
-        let mut failures = missing.iter().filter_map(|&i| Some((numbers(i), stage.failure(wanted[i])?)));
-        let last = failures.next();
-        if let Some((task, failure)) = last.clone().into_iter().chain(failures).find(|(_, failure)| failure.is_final())
-        {
+        let missing = Missing::among(stage, wanted, &contents);
+        let Some(first) = missing.first() else {
+            watch.tell_of(|_| true);
+            return Ok(contents.into_iter().flatten().collect());
+        };
+        if let Some((task, failure)) = missing.final_failure() {
             return Err(failure.into_error(task));
         }
         lent?;
         let all = counted(wanted.len() as u64, "task");
-        progress.tell(&format!("{} of {all} have no result after try {tried} of {}", missing.len(), lending.tries));
-        if tried == lending.tries.max(1) {
-            let what = format!("task {} of {all} has no result after {tried} tries", numbers(first));
-            let error = last.map(|(task, failure)| failure.into_error(task).to_string());
+        let count = missing.tasks.len();
+        progress.tell(&format!("{count} of {all} have no result after try {tried} of {}", lending.tries));
+        if tried >= lending.tries {
+            let what = format!("task {first} of {all} has no result after {tried} tries");
+            let error = missing.first_failure().map(|(task, failure)| failure.into_error(task));
             let message = error.map_or(what.clone(), |error| format!("{what}; {error}"));
-            return Err(Error::Elsewhere { kind: crate::base::ErrorKind::Io, message });
+            return Err(Error::Elsewhere { kind: ErrorKind::Io, message });
         }
+        tried += 1;
     }
-    Err(Error::Stopped)
+}
+
+/// Tasks without results: the number of each, and how it failed.
+struct Missing {
+    tasks: Vec<(usize, Option<TaskFailure>)>,
+}
+
+impl Missing {
+    fn among(stage: &Stage, wanted: &[&StageTask], contents: &[Option<TaskContents>]) -> Self {
+        let missing = wanted.iter().zip(contents).filter(|(_, contents)| contents.is_none());
+        let number = |task: &StageTask| stage.tasks().iter().position(|other| other == task).unwrap_or_default();
+        Self { tasks: missing.map(|(task, _)| (number(task), stage.failure(task))).collect() }
+    }
+
+    fn first(&self) -> Option<usize> {
+        self.tasks.first().map(|&(task, _)| task)
+    }
+
+    fn failures(&self) -> impl Iterator<Item = (usize, TaskFailure)> + '_ {
+        self.tasks.iter().filter_map(|(task, failure)| Some((*task, failure.clone()?)))
+    }
+
+    fn first_failure(&self) -> Option<(usize, TaskFailure)> {
+        self.failures().next()
+    }
+
+    /// A failure that another try would end with, too.
+    fn final_failure(&self) -> Option<(usize, TaskFailure)> {
+        self.failures().find(|(_, failure)| failure.is_final())
+    }
 }
 
 /// Waits until all tasks have whole results, or for some time.
@@ -216,31 +250,32 @@ fn wait_for(
 /// Tells how far the tasks are, while they are done elsewhere.
 struct Watch<'a> {
     stage: &'a Stage,
-    wanted: &'a [&'a StageTask],
-    is_over: AtomicBool,
+    /// Tasks that were not told of.
+    left: Mutex<Vec<&'a StageTask>>,
+    progress: &'a dyn Progress,
 }
 
 impl Watch<'_> {
-    fn during<T>(&self, progress: &dyn Progress, work: impl FnOnce() -> T) -> T {
-        self.is_over.store(false, Ordering::SeqCst);
+    fn during<T>(&self, work: impl FnOnce() -> T) -> T {
+        let (end, ended) = mpsc::channel::<()>();
         thread::scope(|scope| {
-            // Without a thread for it, nobody hears of it.
-            let _watching = start(scope, || self.watch(progress));
-            let result = work();
-            self.is_over.store(true, Ordering::SeqCst);
-            result
+            // Without a thread for it, the progress hears of the tasks at the end.
+            let _watching = start(scope, move || {
+                while ended.recv_timeout(LOOK_INTERVAL) == Err(RecvTimeoutError::Timeout) {
+                    self.tell_of(|task| self.stage.file_of(task, RESULTS).exists());
+                }
+            });
+            // Dropped once the work is over, also by a panic: the watcher ends.
+            let _end = end;
+            work()
         })
     }
 
-    fn watch(&self, progress: &dyn Progress) {
-        let mut left = self.wanted.to_vec();
-        while !self.is_over.load(Ordering::SeqCst) {
-            thread::sleep(LOOK_INTERVAL);
-            left.retain(|task| {
-                let is_done = self.stage.file_of(task, RESULTS).exists();
-                progress.advance(if is_done { task.amount } else { 0 });
-                !is_done
-            });
-        }
+    fn tell_of(&self, is_done: impl Fn(&StageTask) -> bool) {
+        lock(&self.left).retain(|task| {
+            let is_done = is_done(task);
+            self.progress.advance(if is_done { task.amount } else { 0 });
+            !is_done
+        });
     }
 }

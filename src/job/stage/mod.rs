@@ -26,7 +26,7 @@ mod status;
 
 pub use folder::stages;
 pub(super) use folder::{is_stage_folder, remove_stages, sizes};
-pub use hands::{Hands, HandsEnd, Lending};
+pub use hands::{Hands, HandsEnd, Lending, SharedHands};
 pub use lend::LentTask;
 pub use results::TaskWriter;
 pub use runner::TaskRunner;

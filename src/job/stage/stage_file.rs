@@ -33,6 +33,13 @@ pub struct StageTask {
     pub amount: u64,
 }
 
+impl StageTask {
+    /// Whether an item is one of those of the task.
+    pub fn holds(&self, item: u32) -> bool {
+        item.checked_sub(self.first).is_some_and(|place| place < self.count)
+    }
+}
+
 /// What a stage is made from.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Order {
