@@ -4,6 +4,7 @@
 //! inputs and seeded changes of them with any compiler.
 
 mod arrays;
+mod lent;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -23,18 +24,20 @@ use drystone::read::{INPUT, SCAN, Scan, ScanOptions, scan};
 use xxhash_rust::xxh3::{xxh3_64, xxh3_64_with_seed};
 
 pub use self::arrays::scan_arrays;
+pub use self::lent::lent;
 
 /// A target: its name, which is that of its folder of kept inputs, and what it does.
 pub type FuzzTarget = (&'static str, fn(&[u8]));
 
 /// All targets.
-pub const TARGETS: [FuzzTarget; 8] = [
+pub const TARGETS: [FuzzTarget; 9] = [
     ("scan_obj", scan_obj),
     ("scan_mtl", scan_mtl),
     ("scan_ply", scan_ply),
     ("scan_arrays", scan_arrays),
     ("job_files", job_files),
     ("resume", resume),
+    ("lent", lent),
     ("collapse", collapse),
     ("differential", differential),
 ];
@@ -243,6 +246,35 @@ fn write_files(folder: &Path, files: &Files) {
     }
 }
 
+/// Changes files as groups of five bytes say: which file, what is done to it and whether checksums are made to fit
+/// again, where, and with what. Returns whether they were.
+fn meddle(files: &mut Files, bytes: &[u8]) -> bool {
+    let whole = files.clone();
+    let mut is_forged = false;
+    for group in bytes.chunks_exact(5).take(20) {
+        let count = files.len().max(1);
+        let Some(name) = files.keys().nth(usize::from(group[0]) % count).cloned() else { break };
+        let content = files.entry(name.clone()).or_default();
+        is_forged |= group[1] >= 128;
+        match group[1] % 128 % 5 {
+            0 => change(content, &group[2..5]),
+            1 => content.truncate(content.len() * usize::from(group[2]) / 256),
+            2 => content.extend_from_slice(&group[2..5]),
+            3 => _ = files.remove(&name),
+            _ => {
+                let other = files.keys().nth(usize::from(group[2]) % count).cloned().unwrap_or_default();
+                let (a, b) = (files.remove(&name).unwrap_or_default(), files.remove(&other));
+                files.extend(b.map(|b| (name.clone(), b)));
+                files.insert(if other == name { name } else { other }, a);
+            }
+        }
+    }
+    if is_forged {
+        forge(&whole, files);
+    }
+    is_forged
+}
+
 /// A half done job: its files, and the result of an undisturbed run.
 struct HalfDone {
     work: Files,
@@ -265,14 +297,16 @@ impl Progress for StopAfter {
     }
 }
 
-fn hills() -> String {
+/// A hilly square of this many vertices along a side.
+fn hills(side: u32) -> String {
     let mut text = String::new();
-    for i in 0..40 * 40 {
-        let (x, y) = (i % 40, i / 40);
+    for i in 0..side * side {
+        let (x, y) = (i % side, i / side);
         let _ = writeln!(text, "v {x} {y} {:.3}", (f64::from(x) * 0.9).sin() + (f64::from(y) * 0.7).cos());
     }
-    for i in (0..39 * 40).filter(|i| i % 40 < 39) {
-        let _ = writeln!(text, "f {} {} {}\nf {} {} {}", i + 1, i + 2, i + 42, i + 1, i + 42, i + 41);
+    for i in (0..side * (side - 1)).filter(|i| i % side < side - 1) {
+        let [a, b, c, d] = [i + 1, i + 2, i + side + 2, i + side + 1];
+        let _ = writeln!(text, "f {a} {b} {c}\nf {a} {c} {d}");
     }
     text
 }
@@ -282,7 +316,7 @@ fn half_done() -> &'static HalfDone {
     DONE.get_or_init(|| {
         let folder = folder();
         let input = folder.path().join("a.obj");
-        fs::write(&input, hills()).expect("written");
+        fs::write(&input, hills(40)).expect("written");
         let output = folder.path().join("out/a.obj");
         let options = SimplifyOptions {
             job: JobOptions { work: Some(folder.path().join("work")), ..resume_options().job },
@@ -315,29 +349,7 @@ pub fn resume(bytes: &[u8]) {
     let work = folder.path().join("work");
     fs::create_dir(&work).expect("made");
     let mut files = half_done.work.clone();
-    // Groups of five bytes: which file, what is done to it and whether checksums are forged, where, and with what.
-    let mut is_forged = false;
-    for group in bytes.chunks_exact(5).take(20) {
-        let count = files.len().max(1);
-        let Some(name) = files.keys().nth(usize::from(group[0]) % count).cloned() else { break };
-        let content = files.entry(name.clone()).or_default();
-        is_forged |= group[1] >= 128;
-        match group[1] % 128 % 5 {
-            0 => change(content, &group[2..5]),
-            1 => content.truncate(content.len() * usize::from(group[2]) / 256),
-            2 => content.extend_from_slice(&group[2..5]),
-            3 => _ = files.remove(&name),
-            _ => {
-                let other = files.keys().nth(usize::from(group[2]) % count).cloned().unwrap_or_default();
-                let (a, b) = (files.remove(&name).unwrap_or_default(), files.remove(&other));
-                files.extend(b.map(|b| (name.clone(), b)));
-                files.insert(if other == name { name } else { other }, a);
-            }
-        }
-    }
-    if is_forged {
-        forge(&half_done.work, &mut files);
-    }
+    let is_forged = meddle(&mut files, bytes);
     write_files(&work, &files);
     let output = folder.path().join("out/a.obj");
     let options = SimplifyOptions { job: JobOptions { work: Some(work), ..resume_options().job }, ..resume_options() };

@@ -76,6 +76,11 @@ fn kept_array_files_are_read_or_refused_as_a_simple_reader_does() {
 }
 
 #[test]
+fn kept_changes_of_stages_are_found() {
+    replay("lent");
+}
+
+#[test]
 fn kept_files_of_a_work_folder_are_read_or_refused() {
     replay("job_files");
 }

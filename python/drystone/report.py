@@ -774,6 +774,15 @@ class StageStatus(Record):
 
 
 @dataclass(frozen=True)
+class LevelStatus(Record):
+    """The level of a pyramid that tiles are made of."""
+
+    number: int
+    tiles: int
+    tiles_done: int
+
+
+@dataclass(frozen=True)
 class Status(Record):
     """What an unfinished job has done, or a finished one whose work folder was kept."""
 
@@ -791,6 +800,7 @@ class Status(Record):
     pass_: PassStatus | None
     stage: StageStatus | None
     bake: BakeStatus | None
+    level: LevelStatus | None
     written: bool
     last_error: str | None
     last_error_of_process: int | None

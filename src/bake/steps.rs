@@ -20,6 +20,13 @@ pub enum BakeStep {
     Patches,
     /// A patch is baked.
     Patch(ClusterId),
+    /// Patches among some are baked by another process.
+    Several {
+        /// The first.
+        first: ClusterId,
+        /// How many there are to the last one.
+        count: u32,
+    },
 }
 
 impl BakeStep {
@@ -33,16 +40,25 @@ impl BakeStep {
             Self::Image(image) => StepKey::numbered(format!("bake-image-{:06}", image.number())),
             Self::Patches => PATCHES,
             Self::Patch(cluster) => StepKey::numbered(format!("bake-texture-{:06}", cluster.number())),
+            Self::Several { first, count } => {
+                StepKey::numbered(format!("{}-{:06}-{count}", Self::PREFIX_OF_PATCHES, first.number()))
+            }
         }
     }
 
     /// The step of a key; `None` for a key of anything else.
     pub fn of(key: &StepKey) -> Option<Self> {
+        let numbers = |rest: &str| {
+            let (first, count) = rest.split_once('-')?;
+            first.parse().ok().zip(count.parse().ok())
+        };
         let number = |prefix| key.name().strip_prefix(prefix)?.parse::<u32>().ok();
         let step = if let Some(image) = number("bake-image-") {
             Self::Image(ImageId::new(image))
         } else if let Some(patch) = number("bake-texture-") {
             Self::Patch(ClusterId::new(patch))
+        } else if let Some((first, count)) = key.name().strip_prefix("bake-textures-").and_then(numbers) {
+            Self::Several { first: ClusterId::new(first), count }
         } else if *key == SURFACE {
             Self::Surface
         } else {
@@ -63,10 +79,11 @@ mod tests {
             BakeStep::Image(ImageId::new(3)),
             BakeStep::Patches,
             BakeStep::Patch(ClusterId::new(12_345_678)),
+            BakeStep::Several { first: ClusterId::new(7), count: 20 },
         ] {
             assert_eq!(BakeStep::of(&step.key()), Some(step));
         }
-        for other in ["bake-image-3", "bake-texture-", "bake", "scan-mesh", "pass-0-mesh"] {
+        for other in ["bake-image-3", "bake-texture-", "bake-textures-1", "bake", "scan-mesh", "pass-0-mesh"] {
             assert_eq!(BakeStep::of(&StepKey::fixed(other)), None);
         }
     }

@@ -21,6 +21,7 @@ use crate::job::{Entry, StepRecord, WorkStatus, look};
 use crate::model::array_file;
 use crate::passes::steps::PassStep;
 use crate::read::SCAN;
+use crate::tile::TileStep;
 use crate::write::RESULT;
 
 /// First bytes of the meshes that the program writes: an OBJ, a PLY, an array file.
@@ -68,6 +69,8 @@ struct JobStatus {
     stage: Option<StageProgress>,
     /// New textures, once something of them is done.
     bake: Option<BakeStatus>,
+    /// The level of a pyramid that tiles are made of, once it is cut into them.
+    level: Option<LevelStatus>,
     /// Whether the result is written.
     written: bool,
     /// Error that ended a process early, if one was recorded; the latest one.
@@ -93,7 +96,7 @@ struct PassStatus {
 /// Status of a stage.
 #[derive(Debug, Serialize)]
 struct StageProgress {
-    /// What is done: `sweep` or `remesh`.
+    /// What is done: `sweep`, `remesh`, `bake` or `tile`.
     kind: String,
     /// Number of tasks, of those that have results, and of those that failed last.
     tasks: u64,
@@ -119,6 +122,16 @@ struct BakeStatus {
     /// Number of patches, once the result is cut into them, and of those that are done.
     patches: Option<u64>,
     patches_done: u64,
+}
+
+/// Status of a level of a pyramid.
+#[derive(Debug, Serialize)]
+struct LevelStatus {
+    /// Number of the level; 0 is the finest.
+    number: u32,
+    /// Number of its tiles, and of those that are written.
+    tiles: u64,
+    tiles_done: u64,
 }
 
 /// Prints the status.
@@ -206,12 +219,13 @@ impl JobStatus {
             pass: None,
             stage: work.stage.as_ref().map(StageProgress::of),
             bake: None,
+            level: None,
             written: false,
             last_error: None,
             last_error_of_process: None,
             bytes: work.bytes,
         };
-        let (mut clusters, mut baked) = (HashSet::new(), HashSet::new());
+        let (mut clusters, mut baked, mut made) = (HashSet::new(), HashSet::new(), HashSet::new());
         for entry in &work.entries {
             match entry {
                 Entry::Began { time } => {
@@ -233,7 +247,11 @@ impl JobStatus {
                     None => match BakeStep::of(&record.key) {
                         Some(step) if baked.insert(step) => status.see_bake(step, record.amount),
                         Some(_) => {}
-                        None => status.see(record),
+                        None => match TileStep::of(&record.key) {
+                            Some(step) if made.insert(step) => status.see_tiles(step, record.amount),
+                            Some(_) => {}
+                            None => status.see(record),
+                        },
                     },
                 },
                 Entry::Wanted { .. } => {}
@@ -280,6 +298,20 @@ impl JobStatus {
             BakeStep::Image(_) => bake.images_decoded += 1,
             BakeStep::Patches => bake.patches = Some(amount),
             BakeStep::Patch(_) => bake.patches_done += 1,
+            BakeStep::Several { count, .. } => {
+                let most = bake.patches.unwrap_or(u64::MAX);
+                bake.patches_done = bake.patches_done.saturating_add(u64::from(count)).min(most);
+            }
+        }
+    }
+
+    fn see_tiles(&mut self, step: TileStep, amount: u64) {
+        match (step, &mut self.level) {
+            (TileStep::Cut { level }, _) => {
+                self.level = Some(LevelStatus { number: level, tiles: amount, tiles_done: 0 });
+            }
+            (TileStep::Tile { .. }, Some(level)) => level.tiles_done += 1,
+            _ => {}
         }
     }
 
@@ -331,6 +363,10 @@ impl JobStatus {
                     writeln!(text, "textures   {images} decoded, {} of {patches} patches done", bake.patches_done)
                 }
             };
+        }
+        if let Some(level) = &self.level {
+            let LevelStatus { number, tiles, tiles_done } = level;
+            let _ = writeln!(text, "tiles      level {number}: {tiles_done} of {tiles} written");
         }
         let _ = writeln!(text, "result     {}", if self.written { "written" } else { "not written" });
         if let Some(error) = &self.last_error {

@@ -47,4 +47,5 @@ pub use self::figures::LevelFigures;
 pub use self::run::Pyramid;
 pub use self::scene::TileScene;
 pub use self::settings::{TilePlace, TileSettings, tile_limits};
+pub use self::steps::TileStep;
 pub use self::tileset::TILESET;

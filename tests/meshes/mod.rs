@@ -5,6 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use drystone::base::{Progress, Silent};
@@ -445,4 +446,11 @@ pub fn torus(around: usize, across: usize) -> Sketch {
         }
     }
     sketch
+}
+
+/// What `drystone status` tells of a work folder.
+pub fn status(work: &Path) -> serde_json::Value {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_drystone"));
+    let output = command.arg("status").arg(work).arg("--json").output().unwrap();
+    serde_json::from_slice(&output.stdout).unwrap()
 }

@@ -2,13 +2,12 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use drystone::measure::compare::{CompareOptions, Comparison, Resources, Spread, compare};
 use drystone::options::{ImageFormat, Limits, SimplifyOptions, TextureFiles};
 use drystone::{Error, ErrorKind, Progress, Silent, pipeline, plan};
 
-use crate::meshes::{StopAfter, contents, copy_town, in_many_clusters, ratio, simplify, town};
+use crate::meshes::{StopAfter, contents, copy_town, in_many_clusters, ratio, simplify, status, town};
 
 fn baked(options: SimplifyOptions) -> SimplifyOptions {
     SimplifyOptions { textures: TextureFiles::Bake, ..options }
@@ -118,13 +117,6 @@ fn a_town_shows_its_colours_with_fewer_texels_and_no_seam_that_holds_it() {
     assert_eq!(new_texture.folded_triangles, 0);
     let bake = new.report.bake.unwrap();
     assert!(bake.fill > 0.3 && bake.colourless == 0, "{bake:?}");
-}
-
-/// What `drystone status` tells of a work folder.
-fn status(work: &Path) -> serde_json::Value {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_drystone"));
-    let output = command.arg("status").arg(work).arg("--json").output().unwrap();
-    serde_json::from_slice(&output.stdout).unwrap()
 }
 
 #[test]

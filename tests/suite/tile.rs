@@ -14,7 +14,7 @@ use glam::{DVec2, DVec3};
 use serde_json::Value;
 
 use crate::glb_reader::{Glb, GlbTriangle};
-use crate::meshes::{StopAfter, contents, copy_town, fixture, town};
+use crate::meshes::{StopAfter, contents, copy_town, fixture, status, town};
 
 /// Small tiles, so that the town has several levels.
 pub fn small() -> TileOptions {
@@ -176,7 +176,7 @@ fn the_bytes_depend_on_neither_threads_nor_memory_nor_stops() {
     let whole = run("a", 1, 128 << 20);
     assert!(whole == run("b", 3, 1 << 30));
     let output = folder.path().join("c");
-    let mut stops = 0;
+    let (mut stops, mut written) = (0, 0);
     let mut units = 5;
     loop {
         match pipeline::tile(town(), &output, &small(), &StopAfter::units(units)) {
@@ -184,11 +184,15 @@ fn the_bytes_depend_on_neither_threads_nor_memory_nor_stops() {
                 stops += 1;
                 assert!(!output.join("tileset.json").exists());
                 units += 17;
+                let level = &status(&folder.path().join("c.work"))["level"];
+                let [tiles, done] = ["tiles", "tiles_done"].map(|name| level[name].as_u64().unwrap_or(0));
+                assert!(done <= tiles, "{level}");
+                written = written.max(done);
             }
             outcome => break outcome.map(drop).unwrap(),
         }
     }
-    assert!(stops > 3, "{stops}");
+    assert!(stops > 3 && written > 0, "{stops} stops, {written} tiles");
     assert!(whole == contents(&output), "after {stops} stops");
 }
 
