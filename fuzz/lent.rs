@@ -13,8 +13,9 @@ use drystone::pipeline::{self, do_task};
 
 use super::{assert_tame, files, folder, hills, meddle, resume_options, write_files};
 
-/// Vertices along a side of the mesh: it has enough clusters to lend some.
-const SIDE: u32 = 70;
+/// Files of the input, enough to be lent, and vertices along a side of each: there are enough clusters, too.
+const FILES: usize = 4;
+const SIDE: u32 = 36;
 
 /// Does all tasks; changes the files of one stage, before its tasks are done or after.
 #[derive(Debug)]
@@ -68,15 +69,25 @@ fn simplify(input: &Path, output: &Path, hands: Option<&Arc<Meddler>>) -> Result
     pipeline::simplify(input, output, &SimplifyOptions { job, ..resume_options() }, &Silent).map(drop)
 }
 
-/// The input, and the result of an undisturbed run.
-fn undisturbed() -> &'static (Vec<u8>, Vec<u8>) {
-    static DONE: OnceLock<(Vec<u8>, Vec<u8>)> = OnceLock::new();
+/// A folder of meshes, one above the other, with names of their own and of all.
+fn write_input(folder: &Path) {
+    fs::create_dir(folder).expect("made");
+    for number in 0..FILES {
+        let labels = format!("o hill{number}\ng rock\nusemtl grass\n");
+        let text = labels + &hills(SIDE, 10.0 * number as f64);
+        fs::write(folder.join(format!("{number}.obj")), text).expect("written");
+    }
+}
+
+/// The result of an undisturbed run.
+fn undisturbed() -> &'static Vec<u8> {
+    static DONE: OnceLock<Vec<u8>> = OnceLock::new();
     DONE.get_or_init(|| {
         let folder = folder();
-        let [input, output] = ["a.obj", "b.obj"].map(|name| folder.path().join(name));
-        fs::write(&input, hills(SIDE)).expect("written");
+        let [input, output] = ["in", "b.obj"].map(|name| folder.path().join(name));
+        write_input(&input);
         simplify(&input, &output, None).expect("an undisturbed run");
-        (fs::read(&input).expect("an input"), fs::read(&output).expect("a result"))
+        fs::read(&output).expect("a result")
     })
 }
 
@@ -84,10 +95,10 @@ fn undisturbed() -> &'static (Vec<u8>, Vec<u8>) {
 /// forged, too, the result may be any, and the error any that is told.
 pub fn lent(bytes: &[u8]) {
     let Some((&which, changes)) = bytes.split_first() else { return };
-    let (input, expected) = undisturbed();
+    let expected = undisturbed();
     let folder = folder();
-    let [source, output, outside] = ["a.obj", "out/a.obj", "outside"].map(|name| folder.path().join(name));
-    fs::write(&source, input).expect("written");
+    let [source, output, outside] = ["in", "out/a.obj", "outside"].map(|name| folder.path().join(name));
+    write_input(&source);
     fs::write(&outside, "outside").expect("written");
     let hands = Arc::new(Meddler {
         which: usize::from(which % 4),

@@ -297,12 +297,12 @@ impl Progress for StopAfter {
     }
 }
 
-/// A hilly square of this many vertices along a side.
-fn hills(side: u32) -> String {
+/// A hilly square of this many vertices along a side, at a height.
+fn hills(side: u32, height: f64) -> String {
     let mut text = String::new();
     for i in 0..side * side {
         let (x, y) = (i % side, i / side);
-        let _ = writeln!(text, "v {x} {y} {:.3}", (f64::from(x) * 0.9).sin() + (f64::from(y) * 0.7).cos());
+        let _ = writeln!(text, "v {x} {y} {:.3}", height + (f64::from(x) * 0.9).sin() + (f64::from(y) * 0.7).cos());
     }
     for i in (0..side * (side - 1)).filter(|i| i % side < side - 1) {
         let [a, b, c, d] = [i + 1, i + 2, i + side + 2, i + side + 1];
@@ -316,7 +316,7 @@ fn half_done() -> &'static HalfDone {
     DONE.get_or_init(|| {
         let folder = folder();
         let input = folder.path().join("a.obj");
-        fs::write(&input, hills(40)).expect("written");
+        fs::write(&input, hills(40, 0.0)).expect("written");
         let output = folder.path().join("out/a.obj");
         let options = SimplifyOptions {
             job: JobOptions { work: Some(folder.path().join("work")), ..resume_options().job },

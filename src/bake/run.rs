@@ -261,7 +261,7 @@ impl<'a> Baking<'a> {
             kind: BAKE,
             items: LentItem::clusters_of(partition),
             prefix: BakeStep::PREFIX_OF_PATCHES.to_owned(),
-            parent: PATCHES,
+            parent: Some(PATCHES),
             arithmetic: &arithmetic::usual_checksum,
             is_counted: true,
         };

@@ -62,14 +62,38 @@ pub mod path {
     }
 
     #[cfg(unix)]
-    fn from_bytes(bytes: Vec<u8>) -> PathBuf {
+    pub(super) fn from_bytes(bytes: Vec<u8>) -> PathBuf {
         use std::os::unix::ffi::OsStringExt;
         std::ffi::OsString::from_vec(bytes).into()
     }
 
     #[cfg(not(unix))]
-    fn from_bytes(bytes: Vec<u8>) -> PathBuf {
+    pub(super) fn from_bytes(bytes: Vec<u8>) -> PathBuf {
         String::from_utf8_lossy(&bytes).into_owned().into()
+    }
+}
+
+/// Paths as lists of bytes.
+pub mod paths {
+    use std::path::PathBuf;
+
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    /// Writes paths.
+    ///
+    /// # Errors
+    /// Those of the serializer.
+    pub fn serialize<S: Serializer>(paths: &[PathBuf], serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq(paths.iter().map(|path| path.as_os_str().as_encoded_bytes()))
+    }
+
+    /// Reads paths.
+    ///
+    /// # Errors
+    /// Those of the deserializer.
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<PathBuf>, D::Error> {
+        let paths: Vec<Vec<u8>> = Vec::deserialize(deserializer)?;
+        Ok(paths.into_iter().map(super::path::from_bytes).collect())
     }
 }
 

@@ -25,24 +25,13 @@ pub struct RecordFile {
 }
 
 impl RecordFile {
-    /// Creates the file `path`, with room for the header.
-    ///
-    /// # Errors
-    /// If the file cannot be created.
-    pub fn create(path: &Path) -> Result<Self> {
-        Self::begin(DurableFile::create(path, BUFFER_BYTES)?)
-    }
-
-    /// As [`create`](RecordFile::create), for a file that several processes may write at once: the last one that
+    /// Creates the file `path`, with room for the header. Several processes may write it at once: the last one that
     /// finishes it counts.
     ///
     /// # Errors
     /// If the file cannot be created.
-    pub fn create_shared(path: &Path) -> Result<Self> {
-        Self::begin(DurableFile::create_shared(path, BUFFER_BYTES)?)
-    }
-
-    fn begin(mut file: DurableFile) -> Result<Self> {
+    pub fn create(path: &Path) -> Result<Self> {
+        let mut file = DurableFile::create_shared(path, BUFFER_BYTES)?;
         file.write(&[0; HEADER_BYTES as usize])?;
         Ok(Self { file, hash: Xxh3::new(), offset_bytes: HEADER_BYTES })
     }

@@ -34,8 +34,8 @@ pub struct Lendable<'a, I> {
     pub items: Vec<LentItem<I>>,
     /// What the keys begin with of the steps that record some items each; `-<first>-<count>` follows.
     pub prefix: String,
-    /// The step that they are computed from.
-    pub parent: StepKey,
+    /// The step that they are computed from, if there is one.
+    pub parent: Option<StepKey>,
     /// Computes the checksum of what the program makes of a small mesh; only where items are lent.
     pub arithmetic: &'a dyn Fn() -> u64,
     /// Whether the phase counts their sizes.
@@ -89,9 +89,9 @@ pub fn lend<I: Id>(
     };
     let is_missing =
         |task: &StageTask| what.items.iter().any(|of| task.holds(of.item.number()) && !lent.holds(of.item));
-    let quiet = Quiet(progress);
-    let progress: &dyn Progress = if what.is_counted { progress } else { &quiet };
-    for task in job.lend(lending, order, is_missing, &what.parent, progress)? {
+    let uncounted = Uncounted(progress);
+    let progress: &dyn Progress = if what.is_counted { progress } else { &uncounted };
+    for task in job.lend(lending, order, is_missing, what.parent.as_ref(), progress)? {
         lent.add(task, true);
     }
     Ok(lent)
@@ -118,9 +118,9 @@ fn divide<I>(items: &[LentItem<I>], count: usize) -> Vec<&[LentItem<I>]> {
 }
 
 /// Progress of work that the phase does not count.
-struct Quiet<'a>(&'a dyn Progress);
+pub struct Uncounted<'a>(pub &'a dyn Progress);
 
-impl Progress for Quiet<'_> {
+impl Progress for Uncounted<'_> {
     fn begin(&self, phase: &'static str, total: u64, unit: &'static str) {
         Silent.begin(phase, total, unit);
     }

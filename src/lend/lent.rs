@@ -46,7 +46,7 @@ impl<I: Id> LentResults<I> {
     }
 
     /// Whether another process did an item.
-    pub(super) fn holds(&self, item: I) -> bool {
+    pub fn holds(&self, item: I) -> bool {
         self.places.contains_key(&item)
     }
 }

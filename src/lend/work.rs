@@ -53,7 +53,7 @@ impl<I: Id, T: LentResult> LentWork<'_, I, T> {
         let mut results = TaskWriter::create(stage, task)?;
         let place = stage.file_of(task, PIECES);
         let path = stage.work().join(place.file_name().unwrap_or_default());
-        let mut pieces = if self.has_pieces { Some(PieceFile::create_shared(&place, path)?) } else { None };
+        let mut pieces = if self.has_pieces { Some(PieceFile::create(&place, path)?) } else { None };
         let work = |of: LentItem<I>| {
             progress.check_stopped()?;
             let (result, content) = (self.work)(of.item)?;

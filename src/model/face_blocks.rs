@@ -21,7 +21,6 @@ pub struct FaceBlocks {
     blocks: Vec<FaceBlock>,
     count: u64,
     /// Part that the file calls 0.
-    #[serde(skip)]
     first_part: u32,
 }
 
@@ -32,7 +31,7 @@ impl FaceBlocks {
         Self { path: path.into(), blocks, count, first_part: 0 }
     }
 
-    /// From now on, the parts of the faces are by this number higher than in the file. Not stored.
+    /// From now on, the parts of the faces are by this number higher than in the file.
     pub fn raise_parts(&mut self, first_part: u32) {
         self.first_part = first_part;
     }

@@ -67,12 +67,12 @@ pub struct PieceFile {
 }
 
 impl PieceFile {
-    /// Begins a file at `place` that several processes may write at once, and whose pieces will be read at `path`.
+    /// Begins a file at `place`, whose pieces will be read at `path`.
     ///
     /// # Errors
     /// If the file cannot be created.
-    pub fn create_shared(place: &Path, path: PathBuf) -> Result<Self> {
-        Ok(Self { file: RecordFile::create_shared(place)?, path, faces: 0 })
+    pub fn create(place: &Path, path: PathBuf) -> Result<Self> {
+        Ok(Self { file: RecordFile::create(place)?, path, faces: 0 })
     }
 
     /// Appends a piece.

@@ -54,7 +54,7 @@ impl Run<'_> {
             kind: REMESH,
             items: LentItem::clusters_of(partition),
             prefix: PassStep::prefix_of_clusters(number, 0),
-            parent: PassStep::Stops { pass: number, attempt: 0 }.key(),
+            parent: Some(PassStep::Stops { pass: number, attempt: 0 }.key()),
             arithmetic: &|| arithmetic::checksum(self.options.cost),
             is_counted: true,
         };

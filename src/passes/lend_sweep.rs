@@ -61,7 +61,7 @@ impl Run<'_> {
             kind: SWEEP,
             items: LentItem::clusters_of(sweep.partition),
             prefix: sweep.prefix_of_several(),
-            parent: sweep.parent(),
+            parent: Some(sweep.parent()),
             arithmetic: &|| arithmetic::checksum(self.options.cost),
             is_counted: !sweep.plan.is_trial(),
         };

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::damage::report_damage;
+use super::lend_scan::lend_files;
 use super::original::has_original;
 use super::preflight::Preflight;
 use super::requirements::{COUNT_LIMIT, Requirements};
@@ -17,11 +18,12 @@ use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Progress, Result, counted};
 use crate::job::{Recalled, Step, WorkFolder, folder_bytes};
 use crate::model::Catalogue;
+use crate::model::id::FileId;
 use crate::options::{Pieces, TextureFiles};
 use crate::passes::ResumePoint;
 use crate::plan::memory;
 use crate::read::fingerprint::{self, Contents, Source};
-use crate::read::{self, INPUT, SCAN, Scan, ScanOptions};
+use crate::read::{self, INPUT, SCAN, Scan, ScanOptions, ScannedFile};
 use crate::write::{self, NamedTexture, Sources, Staged};
 
 /// Catalogue, counts and source files of the input: everything but geometry.
@@ -131,9 +133,12 @@ impl Reading<'_> {
     }
 
     fn scan(&self, work: &WorkFolder) -> Result<(Input, ResumePoint)> {
-        let scanned = match &self.job.mover {
-            Some(mover) => read::scan_moved(&self.job.inputs, work.path(), &self.scan, &**mover, self.progress)?,
-            None => read::scan(&self.job.inputs, work.path(), &self.scan, self.progress)?,
+        let scanned = match (&self.job.mover, self.scan_elsewhere(work)?) {
+            (_, Some(scanned)) => scanned,
+            (Some(mover), None) => {
+                read::scan_moved(&self.job.inputs, work.path(), &self.scan, &**mover, self.progress)?
+            }
+            (None, None) => read::scan(&self.job.inputs, work.path(), &self.scan, self.progress)?,
         };
         let Scan { mesh, mut catalogue, triangles, findings, input_bytes, content_hashes, libraries } = scanned;
         catalogue.folders = self.folders();
@@ -147,6 +152,23 @@ impl Reading<'_> {
         let mut start = ResumePoint::from(mesh);
         start.state.scratch_peak = folder_bytes(work.path());
         Ok((input, start))
+    }
+
+    /// Has the files read by other processes; `None` if they are not.
+    fn scan_elsewhere(&self, work: &WorkFolder) -> Result<Option<Scan>> {
+        if work.lending().is_none() || self.job.mover.is_some() {
+            return Ok(None);
+        }
+        let lent = lend_files(&self.job.manifest.inputs, work, self.progress)?;
+        let files = FileId::first(self.job.inputs.len());
+        if !files.clone().all(|file| lent.holds(file)) {
+            return Ok(None);
+        }
+        let result = |file: FileId| -> Result<ScannedFile> {
+            let gone = || fingerprint::changed(&self.job.inputs[file.index()], "was not read");
+            lent.result(work.path(), file, &())?.map(|(scanned, _)| scanned).ok_or_else(gone)
+        };
+        read::join(&self.job.inputs, files.map(result), &self.scan).map(Some)
     }
 
     /// The folders that were given as input.

@@ -9,6 +9,7 @@ mod bake_onto;
 mod damage;
 mod files;
 mod input;
+mod lend_scan;
 mod original;
 mod output;
 #[cfg(not(feature = "report"))]

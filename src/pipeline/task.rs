@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::lend_scan;
 #[cfg(feature = "images")]
 use crate::bake::lend as bake;
 use crate::base::error::escape_path;
@@ -61,6 +62,7 @@ fn work(stage: &Stage, task: &StageTask, limits: Limits, progress: &dyn Progress
         bake::BAKE => bake::do_task(stage, task, limits, progress),
         #[cfg(feature = "images")]
         tile::TILE => tile::do_task(stage, task, limits, progress),
+        lend_scan::SCAN => lend_scan::do_task(stage, task, memory::scan_options(budget, threads), limits, progress),
         lend_remesh::REMESH => lend_remesh::do_task(stage, task, limits, progress),
         lend_sweep::SWEEP => lend_sweep::do_task(stage, task, limits, progress),
         _ => Err(Error::Damaged { path: stage.path(), message: "it holds tasks of no known kind".into() }),

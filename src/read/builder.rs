@@ -14,13 +14,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 
 use super::parts::Labels;
 use super::records::{ChunkCorner, ParsedRecords};
 use crate::base::error::escape_path;
 use crate::base::ordered::both;
 use crate::base::{Error, Findings, Result};
-use crate::file::{ColumnWriter, PackedWriter};
+use crate::file::{ColumnWriter, PackedWriter, codec};
 use crate::model::face::{POLYGON_CORNERS_MAX, repeats_vertex};
 use crate::model::id::{PieceTexcoord, PieceVertex};
 use crate::model::stored_mesh::ID_LIMIT;
@@ -49,7 +50,7 @@ pub(super) struct MeshBuilder<'a> {
 }
 
 /// A file that was read to its end.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub(super) struct FinishedFile {
     /// Its piece of the mesh.
     pub(super) piece: StoredPiece,
@@ -60,6 +61,7 @@ pub(super) struct FinishedFile {
     /// Hash of its content, chained over its parts.
     pub(super) content_hash: u64,
     /// Further files that it names and that its materials come from, whether they exist or not.
+    #[serde(with = "codec::paths")]
     pub(super) libraries: Vec<PathBuf>,
 }
 

@@ -4,10 +4,13 @@
 
 use std::path::{Path, PathBuf};
 
+use super::arrays::ArraySource;
 use super::builder::FinishedFile;
 use super::moved::{MovePositions, move_positions};
+use super::obj::ObjSource;
 use super::parts::Labels;
-use super::source::{Cutter, FileCommit, MeshSource, TEXT_BYTES_KEPT};
+use super::ply::PlySource;
+use super::source::{Cutter, FileCommit, MeshFormat, MeshSource, TEXT_BYTES_KEPT};
 use crate::base::ordered::map_in_order;
 use crate::base::recycled::Recycled;
 use crate::base::{Findings, Progress, Result};
@@ -49,11 +52,25 @@ pub(super) struct FormatRun<'a> {
 }
 
 impl FormatRun<'_> {
-    /// Reads the files, and passes each finished one to `keep` in order.
+    /// Reads the files, which are of a format, and passes each finished one to `keep` in order.
     ///
     /// # Errors
-    /// The first fault in the order of the input; those of the file system and of `keep`.
-    pub(super) fn read<S: MeshSource>(
+    /// The first fault in the order of the input; those of the file system.
+    pub(super) fn read_as(
+        &self,
+        format: MeshFormat,
+        labels: &mut Labels,
+        findings: &mut Findings,
+        keep: impl FnMut(FinishedFile),
+    ) -> Result<()> {
+        match format {
+            MeshFormat::Obj => self.read::<ObjSource>(labels, findings, keep),
+            MeshFormat::Ply => self.read::<PlySource>(labels, findings, keep),
+            MeshFormat::Arrays => self.read::<ArraySource>(labels, findings, keep),
+        }
+    }
+
+    fn read<S: MeshSource>(
         &self,
         labels: &mut Labels,
         findings: &mut Findings,

@@ -19,6 +19,7 @@
 //! # Files
 //! Those of `builder.rs`, in the work folder.
 
+mod alone;
 mod arrays;
 mod builder;
 mod count;
@@ -39,15 +40,14 @@ mod twins;
 
 use std::path::{Path, PathBuf};
 
-use self::arrays::ArraySource;
+use self::builder::FinishedFile;
 use self::flow::FormatRun;
-use self::obj::ObjSource;
 use self::parts::Labels;
-use self::ply::PlySource;
 use crate::base::{Allowance, Error, Findings, Progress, Result};
 use crate::job::StepKey;
 use crate::model::{Catalogue, StoredMesh};
 
+pub use self::alone::{ScannedFile, join};
 pub use self::count::count;
 pub use self::flow::ScanOptions;
 pub use self::inputs::{InputChoice, find_inputs, find_inputs_and_idle};
@@ -118,24 +118,39 @@ fn scan_in_chunks(
     }
     progress.begin("scan", total_bytes, "B");
     let mut labels = Labels::new(Allowance::new(options.catalogue_bytes));
-    let (mut mesh, mut findings) = (StoredMesh::default(), Findings::default());
-    let (mut triangles, mut input_bytes, mut content_hashes, mut libraries) = (0, 0, Vec::new(), Vec::new());
+    let (mut scanned, mut findings) = (Scanned::default(), Findings::default());
     for (format, range) in MeshFormat::runs(inputs)? {
         let (first_index, inputs) = (range.start, &inputs[range]);
         let run = FormatRun { inputs, first_index, folder, options, mover, chunk_bytes, progress };
-        let keep = |file: builder::FinishedFile| {
-            mesh.pieces.push(file.piece);
-            triangles += file.triangles;
-            input_bytes += file.bytes;
-            content_hashes.push(file.content_hash);
-            libraries.extend(file.libraries);
-        };
-        match format {
-            MeshFormat::Obj => run.read::<ObjSource>(&mut labels, &mut findings, keep)?,
-            MeshFormat::Ply => run.read::<PlySource>(&mut labels, &mut findings, keep)?,
-            MeshFormat::Arrays => run.read::<ArraySource>(&mut labels, &mut findings, keep)?,
-        }
+        run.read_as(format, &mut labels, &mut findings, |file| scanned.keep(file))?;
     }
-    twins::note_twins(inputs, &content_hashes, &mesh, &mut findings);
-    Ok(Scan { mesh, catalogue: labels.finish(), triangles, findings, input_bytes, content_hashes, libraries })
+    scanned.findings = findings;
+    Ok(scanned.finish(inputs, labels))
+}
+
+/// The files so far.
+#[derive(Default)]
+struct Scanned {
+    mesh: StoredMesh,
+    triangles: u64,
+    findings: Findings,
+    bytes: u64,
+    content_hashes: Vec<u64>,
+    libraries: Vec<PathBuf>,
+}
+
+impl Scanned {
+    fn keep(&mut self, file: FinishedFile) {
+        self.mesh.pieces.push(file.piece);
+        self.triangles += file.triangles;
+        self.bytes += file.bytes;
+        self.content_hashes.push(file.content_hash);
+        self.libraries.extend(file.libraries);
+    }
+
+    fn finish(self, inputs: &[PathBuf], labels: Labels) -> Scan {
+        let Self { mesh, triangles, mut findings, bytes: input_bytes, content_hashes, libraries } = self;
+        twins::note_twins(inputs, &content_hashes, &mesh, &mut findings);
+        Scan { mesh, catalogue: labels.finish(), triangles, findings, input_bytes, content_hashes, libraries }
+    }
 }

@@ -211,6 +211,53 @@ impl Labels {
         Ok(())
     }
 
+    /// Returns the catalogue of the only file: equal materials are not merged yet.
+    pub fn of_one_file(self) -> Catalogue {
+        self.catalogue
+    }
+
+    /// Adds the catalogue of the current file, which another process read; returns the part that it calls 0.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] if there are more than 2³² of a kind, [`Error::Budget`] if they exceed their memory.
+    pub fn adopt(&mut self, own: Catalogue) -> Result<PartId> {
+        let Catalogue { names, materials, parts, files, .. } = &mut self.catalogue;
+        let (first_part, first_material) = (numbered::<PartId>(parts.len())?, materials.len());
+        let mut bytes = Part::BYTES * own.parts.len() as u64;
+        let mut adopted: TiVec<NameId, NameId> = TiVec::with_capacity(own.names.len());
+        for name in own.names {
+            let id = match self.name_ids.get(&name) {
+                Some(&id) => id,
+                None => {
+                    bytes += name.len() as u64;
+                    let id = numbered(names.len())?;
+                    names.push(name.clone());
+                    self.name_ids.insert(name, id);
+                    id
+                }
+            };
+            adopted.push(id);
+        }
+        let definitions = own.materials.iter().filter_map(|material| material.definition.as_ref());
+        bytes += definitions.map(MaterialDefinition::bytes).sum::<u64>();
+        bytes += own.materials.iter().map(Material::bytes).sum::<u64>();
+        let material_of = |own: MaterialId| numbered::<MaterialId>(first_material + own.index());
+        numbered::<MaterialId>(first_material + own.materials.len())?;
+        numbered::<PartId>(parts.len() + own.parts.len())?;
+        materials.extend(own.materials);
+        let file = FileId::from(files.len() - 1);
+        for Part { object, group, material, .. } in own.parts {
+            let [object, group] = [object, group].map(|name| name.map(|name| adopted[name]));
+            parts.push(Part { file, object, group, material: material.map(material_of).transpose()? });
+        }
+        self.catalogue.has_normals |= own.has_normals;
+        self.catalogue.has_texcoords |= own.has_texcoords;
+        self.catalogue.position_decimals = self.catalogue.position_decimals.max(own.position_decimals);
+        self.catalogue.texcoord_decimals = self.catalogue.texcoord_decimals.max(own.texcoord_decimals);
+        self.allow(bytes)?;
+        Ok(first_part)
+    }
+
     /// Returns the catalogue, once all files are read and their materials defined. Merges equal materials of several
     /// files, and gives different materials of the same name distinct output names.
     pub fn finish(mut self) -> Catalogue {

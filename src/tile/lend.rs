@@ -74,7 +74,7 @@ impl LevelPlan<'_> {
             kind: TILE,
             items: one_by_one(tiles),
             prefix: TileStep::prefix_of_tiles(level),
-            parent: TileStep::Cut { level }.key(),
+            parent: Some(TileStep::Cut { level }.key()),
             arithmetic: &arithmetic::usual_checksum,
             is_counted: true,
         };

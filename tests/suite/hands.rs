@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use crate::meshes::{contents, in_many_clusters, noise, ratio, terrain, town};
+use crate::meshes::{contents, copy_town, files, fixture, in_many_clusters, noise, ratio, terrain, town};
 use drystone::base::{ErrorKind, Progress, Result, Silent};
 use drystone::job::stage::{Hands, HandsEnd, SharedHands, Stage, stages};
 use drystone::options::{CvdSettings, JobOptions, Limits, MetricChoice, SimplifyOptions, Target, TileOptions};
@@ -38,12 +38,12 @@ impl Hands for Careless {
         tasks.sort_by(|&a, &b| self.chance(a, 1).total_cmp(&self.chance(b, 1)));
         self.lent.fetch_add(1, Ordering::Relaxed);
         for task in tasks.into_iter().filter(|&task| !is_first || self.chance(task, 2) > 0.2) {
-            let work = || do_task(&stage.path(), task, LIMITS, &Silent).unwrap();
+            let work = || do_task(&stage.path(), task, LIMITS, &Silent);
             std::thread::scope(|scope| {
                 let twin = (self.chance(task, 3) > 0.7).then(|| scope.spawn(work));
-                assert_ne!(work(), TaskEnd::Over);
-                if let Some(twin) = twin {
-                    assert_ne!(twin.join().unwrap(), TaskEnd::Over);
+                let ends = [Some(work()), twin.map(|twin| twin.join().unwrap())];
+                for end in ends.into_iter().flatten() {
+                    assert!(!matches!(end, Ok(TaskEnd::Over)));
                 }
             });
             self.done.fetch_add(1, Ordering::Relaxed);
@@ -105,6 +105,53 @@ fn a_bound_a_remeshing_and_a_bake_give_the_same_bytes() {
     for options in [bounded, remeshed, baked] {
         assert!(same_bytes(&town(), &in_many_clusters(options), 5, 5) > 0);
     }
+}
+
+/// A folder of meshes: labels that several use, normals, colours, polygons, an own library, a PLY.
+fn tiles(folder: &Path) -> PathBuf {
+    let tiles = folder.join("tiles");
+    std::fs::create_dir(&tiles).unwrap();
+    copy_town(&tiles.join("town"));
+    for path in files(&fixture("miniatures")) {
+        std::fs::copy(fixture("miniatures").join(&path), tiles.join(&path)).unwrap();
+    }
+    std::fs::write(tiles.join("named.obj"), format!("o hill\ng grass\n{}g rock\nf 1 2 3\n", terrain(20).text()))
+        .unwrap();
+    std::fs::write(tiles.join("other.obj"), format!("g rock\no hill\n{}", terrain(10).text())).unwrap();
+    std::fs::write(tiles.join("lacking.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/2 3/3\n").unwrap();
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+               element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 5\n1 0 5\n0 1 5\n3 0 1 2\n";
+    std::fs::write(tiles.join("triangle.ply"), ply).unwrap();
+    tiles
+}
+
+#[test]
+fn files_are_read_elsewhere_as_here() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = tiles(folder.path());
+    for (tasks, seed) in [(3, 10), (64, 11)] {
+        let [alone, helped] = ["alone", "helped"].map(|name| folder.path().join(format!("{name}-{tasks}")));
+        let options = in_many_clusters(ratio(0.5));
+        let expected = pipeline::simplify(&*input, &alone.join("out.obj"), &options, &Silent).unwrap();
+        let hands = Arc::new(Careless { seed, ..Careless::default() });
+        let options = SimplifyOptions { job: by(hands.clone(), tasks), ..options };
+        let report = pipeline::simplify(&*input, &helped.join("out.obj"), &options, &Silent).unwrap();
+        assert!(contents(&alone) == contents(&helped));
+        assert!(hands.kinds.lock().unwrap().contains("scan"));
+        assert_eq!(report.warnings, expected.warnings);
+        assert!(!report.warnings.is_empty());
+    }
+}
+
+#[test]
+fn a_file_that_cannot_be_read_elsewhere_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = tiles(folder.path());
+    std::fs::write(input.join("named.obj"), "v 0 0 0\nf 1 2 3\n").unwrap();
+    let options = SimplifyOptions { job: by(Arc::new(Careless::default()), 3), ..ratio(0.5) };
+    let error = pipeline::simplify(&*input, &folder.path().join("out.obj"), &options, &Silent).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Input, "{error}");
+    assert!(error.to_string().contains("named.obj:2: "), "{error}");
 }
 
 #[test]

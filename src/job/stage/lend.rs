@@ -85,7 +85,7 @@ impl WorkFolder {
     }
 
     /// Has those tasks of a stage done that are `wanted`, and takes their results; `parent` is the step that they are
-    /// computed from.
+    /// computed from, if there is one.
     ///
     /// # Errors
     /// [`Error::Elsewhere`] if a task cannot be done; [`Error::Stopped`]; on a full disk, failed reads and writes.
@@ -94,7 +94,7 @@ impl WorkFolder {
         lending: &Lending,
         order: Order,
         wanted: impl Fn(&StageTask) -> bool,
-        parent: &StepKey,
+        parent: Option<&StepKey>,
         progress: &dyn Progress,
     ) -> Result<Vec<LentTask>> {
         let stage = Stage::place(self.path(), order)?;
@@ -113,7 +113,13 @@ impl WorkFolder {
     }
 
     /// Moves the results of a task into the work folder, and records them.
-    fn take(&self, stage: &Stage, task: &StageTask, contents: TaskContents, parent: &StepKey) -> Result<LentTask> {
+    fn take(
+        &self,
+        stage: &Stage,
+        task: &StageTask,
+        contents: TaskContents,
+        parent: Option<&StepKey>,
+    ) -> Result<LentTask> {
         let folder = stage.path().with_file_name("");
         let results = format!("{}.{RESULTS}", task.key.name());
         let mut paths = Vec::new();
@@ -123,7 +129,7 @@ impl WorkFolder {
             paths.push(path);
         }
         sync_folder(&self.path().join(&results))?;
-        let step = Step::new(task.key.clone()).from([parent.clone()]).of_size(task.amount);
+        let step = Step::new(task.key.clone()).from(parent.cloned()).of_size(task.amount);
         self.keep(step, paths.iter().map(|path| path.as_path()), &TaskFrames(contents.frames.clone()))?;
         let taken = stage.file_of(task, TAKEN);
         std::fs::write(&taken, []).map_err(|e| Error::io(&taken, "write", e))?;

@@ -56,7 +56,7 @@ impl TaskWriter {
     /// # Errors
     /// If the file cannot be created.
     pub fn create(stage: &Stage, task: &StageTask) -> Result<Self> {
-        let file = RecordFile::create_shared(&stage.file_of(task, RESULTS))?;
+        let file = RecordFile::create(&stage.file_of(task, RESULTS))?;
         Ok(Self { file, contents: TaskContents { stage: stage.id(), frames: Vec::new(), files: Vec::new() } })
     }
 
