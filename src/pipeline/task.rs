@@ -8,7 +8,7 @@ use crate::bake::lend as bake;
 use crate::base::error::escape_path;
 use crate::base::pool::Pool;
 use crate::base::{Error, Progress, Result, WorkLimits};
-use crate::job::stage::{BUILD, Stage, StageTask};
+use crate::job::stage::{BUILD, Stage, StageTask, note_failure};
 use crate::options::{Limits, SimplifyOptions};
 use crate::passes::{lend_remesh, lend_sweep};
 use crate::plan::memory;
@@ -32,16 +32,23 @@ pub enum TaskEnd {
 /// [`Error::Usage`] for an index that the stage does not have, [`Error::Changed`] if this is another program or its
 /// results would differ, [`Error::Damaged`] for a damaged file; on a full disk, failed reads and writes.
 pub fn do_task(stage: &Path, index: usize, limits: Limits, progress: &dyn Progress) -> Result<TaskEnd> {
-    let Some(found) = Stage::open(stage)? else { return Ok(TaskEnd::Over) };
+    let found = match Stage::open(stage) {
+        Ok(Some(found)) => found,
+        Ok(None) => return Ok(TaskEnd::Over),
+        Err(error) => {
+            note_failure(stage, index, &error);
+            return Err(error);
+        }
+    };
     let task = found.task(index)?;
     if found.is_done(task) {
         return Ok(TaskEnd::WasDone);
     }
     let done = work(&found, task, limits, progress);
     match &done {
-        Ok(()) => found.forget_failure(task),
+        Ok(()) => found.forget_failure(index),
         Err(_) if !found.is_under_way() => return Ok(TaskEnd::Over),
-        Err(error) => found.note_failure(task, error),
+        Err(error) => note_failure(stage, index, error),
     }
     done.map(|()| TaskEnd::Done)
 }

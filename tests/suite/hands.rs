@@ -8,7 +8,8 @@ use std::time::Duration;
 
 use crate::meshes::{contents, copy_town, files, fixture, in_many_clusters, noise, ratio, terrain, town};
 use drystone::base::{ErrorKind, Progress, Result, Silent};
-use drystone::job::stage::{Hands, HandsEnd, SharedHands, Stage, stages};
+use drystone::file::header::seal;
+use drystone::job::stage::{Hands, HandsEnd, SharedHands, Stage, note_failure, stages};
 use drystone::options::{CvdSettings, JobOptions, Limits, MetricChoice, SimplifyOptions, Target, TileOptions};
 use drystone::pipeline::{self, TaskEnd, do_task};
 
@@ -243,7 +244,7 @@ impl Hands for Idle {
     fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<HandsEnd> {
         if let Some(kind) = self.0 {
             let error = drystone::Error::Elsewhere { kind, message: "of no use".into() };
-            stage.note_failure(&stage.tasks()[1], &error);
+            note_failure(&stage.path(), 1, &error);
             let seen = drystone::job::look(stage.work()).unwrap().stage.unwrap();
             assert_eq!((seen.tasks, seen.tasks_done, seen.tasks_failed), (6, 0, 1));
             assert!(seen.failure.unwrap().ends_with("of no use"));
@@ -284,6 +285,53 @@ fn a_task_that_fails_everywhere_is_not_tried_again() {
     let folder = tempfile::tempdir().unwrap();
     let error = town_elsewhere(folder.path(), Arc::new(Idle(Some(ErrorKind::Io)))).unwrap_err();
     assert!(error.to_string().contains("after 3 tries; task 1 failed on"), "{error}");
+}
+
+/// Finds a full disk, or a stage of another format.
+#[derive(Debug)]
+struct Unlucky {
+    is_full: bool,
+}
+
+impl Hands for Unlucky {
+    fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<HandsEnd> {
+        if self.is_full {
+            // What a process leaves that cannot say why it failed.
+            std::fs::write(stage.path().with_file_name("task-2.error"), "").unwrap();
+            return Ok(HandsEnd::Unsure);
+        }
+        let mut bytes = std::fs::read(stage.path()).unwrap();
+        bytes[16] = bytes[16].wrapping_add(1);
+        seal(bytes.first_chunk_mut().unwrap());
+        std::fs::write(stage.path(), bytes).unwrap();
+        let error = do_task(&stage.path(), 2, LIMITS, &Silent).unwrap_err();
+        assert!(error.to_string().contains("made by another drystone"), "{error}");
+        Ok(HandsEnd::Unsure)
+    }
+
+    fn patience(&self) -> Duration {
+        Duration::from_millis(1)
+    }
+}
+
+#[test]
+fn a_full_disk_and_another_program_are_told_at_once() {
+    for (is_full, kind) in [(true, ErrorKind::NoSpace), (false, ErrorKind::Changed)] {
+        let folder = tempfile::tempdir().unwrap();
+        let error = town_elsewhere(folder.path(), Arc::new(Unlucky { is_full })).unwrap_err();
+        assert!(error.kind() == kind && error.to_string().starts_with("task 2 failed on "), "{error}");
+        let report = town_elsewhere(folder.path(), Arc::new(Careless::default())).unwrap();
+        assert!(report.resumed);
+    }
+}
+
+#[test]
+fn a_task_of_a_file_that_is_no_stage_leaves_nothing_beside_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("stage.bin");
+    std::fs::write(&path, "mine").unwrap();
+    assert_eq!(do_task(&path, 0, LIMITS, &Silent).unwrap_err().kind(), ErrorKind::Damaged);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 
 /// Does all tasks, then spoils some results: cut short, changed, of another stage.

@@ -2,17 +2,17 @@
 
 use std::fs;
 use std::io::Write as _;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::stage_file::{Stage, StageTask};
+use super::folder::{failure_name, is_stage_folder};
+use super::stage_file::Stage;
 use crate::base::error::escape;
 use crate::base::{Error, ErrorKind};
 use crate::file::codec;
 use crate::os::durable::no_links;
 
-/// Ending of the name of its file.
-const ERROR: &str = "error";
 /// Longest file that is read.
 const FAILURE_BYTES_MAX: u64 = 16 << 10;
 
@@ -38,26 +38,43 @@ impl TaskFailure {
     }
 }
 
+/// Says why a task of a stage failed here, also where the stage could not be read; on a best-effort basis.
+pub fn note_failure(stage: &Path, task: usize, error: &Error) {
+    if !stage.parent().is_some_and(is_stage_folder) {
+        return;
+    }
+    let host = crate::os::system::host_name();
+    let failure = TaskFailure { host, kind: error.kind(), message: error.to_string() };
+    let mut options = fs::File::options();
+    let opened = no_links(options.write(true).create(true).truncate(true)).open(place(stage, task));
+    let encoded = codec::encode(&failure).unwrap_or_default();
+    let _ = opened.and_then(|mut file| file.write_all(&encoded));
+}
+
+fn place(stage: &Path, task: usize) -> PathBuf {
+    stage.with_file_name(failure_name(task))
+}
+
 impl Stage {
-    /// Says why a task failed here; on a best-effort basis.
-    pub fn note_failure(&self, task: &StageTask, error: &Error) {
-        let host = crate::os::system::host_name();
-        let failure = TaskFailure { host, kind: error.kind(), message: error.to_string() };
-        let path = self.file_of(task, ERROR);
-        let mut options = fs::File::options();
-        let opened = no_links(options.write(true).create(true).truncate(true)).open(path);
-        let encoded = codec::encode(&failure).unwrap_or_default();
-        let _ = opened.and_then(|mut file| file.write_all(&encoded));
+    /// Forgets why a task failed before.
+    pub fn forget_failure(&self, task: usize) {
+        let _ = fs::remove_file(place(&self.path(), task));
     }
 
-    /// Forgets why a task failed before.
-    pub fn forget_failure(&self, task: &StageTask) {
-        let _ = fs::remove_file(self.file_of(task, ERROR));
+    /// As [`failure`](Stage::failure), once nobody writes any more: a file that is empty was written to a full disk.
+    pub(super) fn last_failure(&self, task: usize) -> Option<TaskFailure> {
+        let is_empty = || fs::symlink_metadata(place(&self.path(), task)).is_ok_and(|meta| meta.len() == 0);
+        let full_disk = || TaskFailure {
+            host: "another machine".into(),
+            kind: ErrorKind::NoSpace,
+            message: "no space left: it could not say more".into(),
+        };
+        self.failure(task).or_else(|| is_empty().then(full_disk))
     }
 
     /// Why a task failed last, if a process said so.
-    pub(super) fn failure(&self, task: &StageTask) -> Option<TaskFailure> {
-        let path = self.file_of(task, ERROR);
+    pub(super) fn failure(&self, task: usize) -> Option<TaskFailure> {
+        let path = place(&self.path(), task);
         let meta = fs::symlink_metadata(&path).ok()?;
         let is_short = meta.is_file() && meta.len() <= FAILURE_BYTES_MAX;
         codec::decode(&fs::read(path).ok().filter(|_| is_short)?).ok()

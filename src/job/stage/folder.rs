@@ -9,14 +9,21 @@ use crate::os::durable::sync_folder;
 /// Name of the file of a stage in its folder.
 pub(super) const STAGE_FILE: &str = "stage.bin";
 const PREFIX: &str = "stage-";
-/// Endings of the files of tasks that lie in no other folder.
-const ENDINGS: [&str; 2] = [".error", ".taken"];
+/// Ending of the files that say that a task's results are in the work folder.
+pub(super) const TAKEN: &str = "taken";
+/// What the name of a file that says why a task failed begins and ends with.
+const FAILURE: [&str; 2] = ["task-", ".error"];
 /// How often a folder is emptied, since a late process may write to it meanwhile.
 const REMOVALS_MAX: usize = 5;
 
 /// Name of the folder of a stage.
 pub(super) fn folder_name(id: u64) -> String {
     format!("{PREFIX}{id:016x}")
+}
+
+/// Name of the file that says why a task failed.
+pub(super) fn failure_name(task: usize) -> String {
+    format!("{}{task}{}", FAILURE[0], FAILURE[1])
 }
 
 /// Whether a folder has the name of a stage's folder, and holds nothing but what processes that do tasks write.
@@ -31,8 +38,11 @@ pub(in crate::job) fn is_stage_folder(path: &Path) -> bool {
 fn is_own(entry: fs::DirEntry) -> bool {
     let name = entry.file_name();
     let name = name.to_string_lossy();
-    let with = |ending| name.strip_suffix(ending).is_some_and(|stem| is_phase_file(&format!("{stem}.state")));
-    let is_of_task = is_phase_file(&name) || ENDINGS.into_iter().any(with);
+    let stem = name.strip_suffix(TAKEN).and_then(|rest| rest.strip_suffix('.'));
+    let is_taken = stem.is_some_and(|stem| is_phase_file(&format!("{stem}.state")));
+    let failed = name.strip_prefix(FAILURE[0]).and_then(|rest| rest.strip_suffix(FAILURE[1]));
+    let is_failure = failed.is_some_and(|number| number.parse::<u32>().is_ok());
+    let is_of_task = is_phase_file(&name) || is_taken || is_failure;
     let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
     is_file && (is_of_task || name == STAGE_FILE || (name.starts_with(STAGE_FILE) && name.ends_with(".tmp")))
 }

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::failure::TaskFailure;
-use super::folder::{remove_folder, remove_stages};
+use super::folder::{TAKEN, remove_folder, remove_stages};
 use super::hands::{HandsEnd, Lending};
 use super::results::{RESULTS, ResultFrame, TaskContents};
 use super::stage_file::{Order, Stage, StageTask};
@@ -28,8 +28,6 @@ use crate::job::recalled::Recalled;
 use crate::job::step::{Step, StepKey};
 use crate::os::durable::{give_name, sync_folder};
 
-/// Ending of the file that says that a task's results are in the work folder.
-pub(super) const TAKEN: &str = "taken";
 /// Time between two looks at the folder of a stage.
 const LOOK_INTERVAL: Duration = Duration::from_millis(200);
 /// How long names may take to appear where some tasks may not be done.
@@ -99,12 +97,12 @@ impl WorkFolder {
     ) -> Result<Vec<LentTask>> {
         let stage = Stage::place(self.path(), order)?;
         remove_stages(self.path(), stage.path().parent());
-        let wanted: Vec<&StageTask> = stage.tasks().iter().filter(|task| wanted(task)).collect();
+        let wanted: Vec<usize> = (0..stage.tasks().len()).filter(|&task| wanted(&stage.tasks()[task])).collect();
         self.note_steps();
         let contents = have_done(lending, &stage, &wanted, progress)?;
         let mut taken = Vec::with_capacity(wanted.len());
         for (task, contents) in wanted.into_iter().zip(contents) {
-            taken.push(self.take(&stage, task, contents, parent)?);
+            taken.push(self.take(&stage, &stage.tasks()[task], contents, parent)?);
         }
         if let Some(folder) = stage.path().parent() {
             remove_folder(folder);
@@ -156,17 +154,12 @@ impl Stage {
 }
 
 /// Has tasks done until all of them have whole results.
-fn have_done(
-    lending: &Lending,
-    stage: &Stage,
-    wanted: &[&StageTask],
-    progress: &dyn Progress,
-) -> Result<Vec<TaskContents>> {
+fn have_done(lending: &Lending, stage: &Stage, wanted: &[usize], progress: &dyn Progress) -> Result<Vec<TaskContents>> {
     let watch = Watch { stage, left: Mutex::new(wanted.to_vec()), progress };
     let mut tried = 1;
     loop {
-        wanted.iter().for_each(|task| stage.forget_failure(task));
-        let lent = if wanted.iter().all(|task| stage.contents(task).is_some()) {
+        wanted.iter().for_each(|&task| stage.forget_failure(task));
+        let lent = if wanted.iter().all(|&task| stage.contents(&stage.tasks()[task]).is_some()) {
             Ok(HandsEnd::Done)
         } else {
             watch.during(|| lending.hands.lend(stage, progress))
@@ -205,10 +198,9 @@ struct Missing {
 }
 
 impl Missing {
-    fn among(stage: &Stage, wanted: &[&StageTask], contents: &[Option<TaskContents>]) -> Self {
+    fn among(stage: &Stage, wanted: &[usize], contents: &[Option<TaskContents>]) -> Self {
         let missing = wanted.iter().zip(contents).filter(|(_, contents)| contents.is_none());
-        let number = |task: &StageTask| stage.tasks().iter().position(|other| other == task).unwrap_or_default();
-        Self { tasks: missing.map(|(task, _)| (number(task), stage.failure(task))).collect() }
+        Self { tasks: missing.map(|(&task, _)| (task, stage.last_failure(task))).collect() }
     }
 
     fn first(&self) -> Option<usize> {
@@ -232,19 +224,19 @@ impl Missing {
 /// Waits until all tasks have whole results, or for some time.
 fn wait_for(
     stage: &Stage,
-    wanted: &[&StageTask],
+    wanted: &[usize],
     patience: Duration,
     progress: &dyn Progress,
 ) -> Result<Vec<Option<TaskContents>>> {
     let began = Instant::now();
     let mut found: Vec<Option<TaskContents>> = vec![None; wanted.len()];
     loop {
-        for (found, task) in found.iter_mut().zip(wanted).filter(|(found, _)| found.is_none()) {
-            *found = stage.contents(task);
+        for (found, &task) in found.iter_mut().zip(wanted).filter(|(found, _)| found.is_none()) {
+            *found = stage.contents(&stage.tasks()[task]);
         }
         // A process that failed says so: its results will not appear.
         let may_come =
-            |(found, task): (&Option<TaskContents>, &&StageTask)| found.is_none() && stage.failure(task).is_none();
+            |(found, &task): (&Option<TaskContents>, &usize)| found.is_none() && stage.failure(task).is_none();
         if !found.iter().zip(wanted).any(may_come) || began.elapsed() >= patience {
             return Ok(found);
         }
@@ -257,7 +249,7 @@ fn wait_for(
 struct Watch<'a> {
     stage: &'a Stage,
     /// Tasks that were not told of.
-    left: Mutex<Vec<&'a StageTask>>,
+    left: Mutex<Vec<usize>>,
     progress: &'a dyn Progress,
 }
 
@@ -278,7 +270,8 @@ impl Watch<'_> {
     }
 
     fn tell_of(&self, is_done: impl Fn(&StageTask) -> bool) {
-        lock(&self.left).retain(|task| {
+        lock(&self.left).retain(|&task| {
+            let task = &self.stage.tasks()[task];
             let is_done = is_done(task);
             self.progress.advance(if is_done { task.amount } else { 0 });
             !is_done

@@ -12,8 +12,8 @@
 //! stage there.
 //!
 //! # Files
-//! In the folder of a stage: `stage.bin`; for each task its files and `<task>.results`; `<task>.error` where it failed
-//! last; `<task>.taken` once its results are in the work folder. Temporary names carry a number of their process.
+//! In the folder of a stage: `stage.bin`; for each task its files and `<task>.results`; `task-<number>.error` where it
+//! failed last; `<task>.taken` once its results are in the work folder. Temporary names carry a number of their process.
 
 mod failure;
 mod folder;
@@ -24,6 +24,7 @@ mod runner;
 mod stage_file;
 mod status;
 
+pub use failure::note_failure;
 pub use folder::stages;
 pub(super) use folder::{is_stage_folder, remove_stages, sizes};
 pub use hands::{Hands, HandsEnd, Lending, SharedHands};

@@ -10,7 +10,7 @@ use xxhash_rust::xxh3::xxh3_64;
 use super::folder::{STAGE_FILE, folder_name, remove_folder};
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
-use crate::file::header::{HEADER_BYTES, Header};
+use crate::file::header::{FORMAT_VERSION, HEADER_BYTES, Header};
 use crate::file::{RecordFile, codec};
 use crate::job::names::is_phase_file;
 use crate::job::step::StepKey;
@@ -87,7 +87,8 @@ impl Stage {
     /// Opens a stage for a process that does a task of it; `None` if it is over, so that its folder is gone.
     ///
     /// # Errors
-    /// [`Error::Damaged`] if it is no stage or not as it was written, [`Error::Io`] if it cannot be read.
+    /// [`Error::Changed`] if a program with another format wrote it, [`Error::Damaged`] if it is no stage or not as it
+    /// was written, [`Error::Io`] if it cannot be read.
     pub fn open(path: &Path) -> Result<Option<Self>> {
         let damaged = |message: String| Error::Damaged { path: path.to_owned(), message };
         let mut options = File::options();
@@ -103,6 +104,11 @@ impl Stage {
         let mut bytes = Vec::new();
         if file.read_exact(&mut header).is_err() {
             return Err(damaged("it is not a stage".into()));
+        }
+        if let Some(version) = Header::version(&header).filter(|&version| version != FORMAT_VERSION) {
+            let words = format!("its format is version {version}, this program's is {FORMAT_VERSION}");
+            let message = format!("{}: made by another drystone: {words}", escape_path(path));
+            return Err(Error::Changed(message));
         }
         let header = Header::decode(&header).map_err(damaged)?;
         file.read_to_end(&mut bytes).map_err(wrap)?;

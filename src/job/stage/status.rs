@@ -2,8 +2,7 @@
 
 use std::path::Path;
 
-use super::folder::{STAGE_FILE, stages};
-use super::lend::TAKEN;
+use super::folder::{STAGE_FILE, TAKEN, stages};
 use super::results::RESULTS;
 use super::stage_file::{Stage, StageTask};
 use crate::base::Result;
@@ -37,7 +36,8 @@ impl StageStatus {
         let is_done = |task: &&StageTask| stage.file_of(task, RESULTS).exists() || stage.file_of(task, TAKEN).exists();
         let left: Vec<(usize, &StageTask)> =
             stage.tasks().iter().enumerate().filter(|(_, task)| !is_done(task)).collect();
-        let failures: Vec<_> = left.iter().filter_map(|&(number, task)| Some((number, stage.failure(task)?))).collect();
+        let failures: Vec<_> =
+            left.iter().filter_map(|&(number, _)| Some((number, stage.last_failure(number)?))).collect();
         let tasks = stage.tasks().len() as u64;
         Self {
             kind: stage.kind().to_owned(),
