@@ -66,7 +66,7 @@ def flags_of(command: str) -> set[str]:
 
 KEYWORDS = {"face_count": "faces", "metric_options": "metric_option"}
 OF_TERMINALS = {"help", "version", "json", "quiet", "format", "output"}
-OF_PYTHON = {"progress", "stop", "strict", "options", "input", "output", "tile"}
+OF_PYTHON = {"hands", "progress", "stop", "strict", "options", "input", "output", "tile"}
 
 
 @pytest.mark.parametrize("name", ["simplify", "tile", "compare", "inspect", "check"])

@@ -55,7 +55,7 @@ def test_a_function_has_tasks_done_and_the_bytes_are_the_same(tmp_path):
 
 
 def test_tiles_can_be_made_by_a_function(tmp_path):
-    hands, options = Hands(), {"tile_faces": 400, "tile_side": 256}
+    hands, options = Hands(), {"tile_faces": 2000, "tile_side": 512}
     drystone.tile(TOWN, tmp_path / "alone", **options, **LIMITS)
     drystone.tile(TOWN, tmp_path / "helped", **options, **LIMITS, hands=hands, tasks=3)
     assert files(tmp_path / "alone") == files(tmp_path / "helped") and hands.stages
