@@ -96,7 +96,7 @@ struct PassStatus {
 /// Status of a stage.
 #[derive(Debug, Serialize)]
 struct StageProgress {
-    /// What is done: `sweep`, `remesh`, `bake` or `tile`.
+    /// What is done: `scan`, `sweep`, `remesh`, `bake` or `tile`.
     kind: String,
     /// Number of tasks, of those that have results, and of those that failed last.
     tasks: u64,

@@ -11,6 +11,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::grouping::{Group, Grouping};
+use super::numbered::group_faces;
 use super::order::PartPlace;
 use super::ply::PlyImages;
 use super::result_file::{Replaced, ResultFile};
@@ -20,7 +21,6 @@ use crate::base::{Findings, Result};
 use crate::file::{PackedColumn, Segment};
 use crate::model::Catalogue;
 use crate::model::array_file::{ArrayLayout, NONE};
-use crate::model::corners::FaceReader;
 use crate::model::id::{MaterialId, MeshVertex};
 use crate::os::content::Content;
 
@@ -75,27 +75,14 @@ impl ArraySink {
 
     /// Groups the faces by part: three vertices, and three texture coordinates if any face has some.
     fn group_faces(&self, result: &ResultMesh<'_>) -> Result<Grouping<PartPlace>> {
-        let ResultMesh { mesh, numbering, usage, ref order, form, share, work_folder, .. } = *result;
-        let words = if form.texcoords { 6 } else { 3 };
-        let mut faces = Grouping::new(order.counts(usage), words, share, &work_folder.join("write-faces.tmp"))?;
-        let (mut reader, mut record) = (FaceReader::default(), Vec::with_capacity(words));
-        for (piece, ids) in mesh.pieces.iter().zip(numbering) {
-            reader.each_block(piece, |block| {
-                for face in block {
-                    let part = face.part;
-                    let face = ids.globalise(face);
-                    record.clear();
-                    record.extend(face.vertices.map(|vertex| usage.vertices.rank(vertex)));
-                    if form.texcoords {
-                        let rank = |texcoord| usage.texcoords.rank(texcoord);
-                        record.extend(face.texcoords.map(|texcoord| texcoord.some().map_or(NONE, rank)));
-                    }
-                    faces.push(order.place(part), &record)?;
-                }
-                Ok(())
-            })?;
-        }
-        Ok(faces)
+        let ResultMesh { usage, form, .. } = *result;
+        group_faces(result, if form.texcoords { 6 } else { 3 }, |face, words| {
+            words.extend(face.vertices.map(|vertex| usage.vertices.rank(vertex)));
+            if form.texcoords {
+                let rank = |texcoord| usage.texcoords.rank(texcoord);
+                words.extend(face.texcoords.map(|texcoord| texcoord.some().map_or(NONE, rank)));
+            }
+        })
     }
 }
 

@@ -31,6 +31,7 @@ pub mod glb_format;
 mod grouping;
 mod losses;
 mod normals;
+mod numbered;
 mod numbering;
 mod obj;
 mod options;

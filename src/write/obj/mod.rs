@@ -8,14 +8,16 @@ use std::path::Path;
 
 use self::lines::ObjText;
 use super::grouping::Grouping;
-use super::normals::{PieceNormals, SharedNormals, piece_bytes, piece_normals};
+use super::normals::{SharedNormals, piece_bytes, piece_normals};
+use super::numbered::group_faces;
 use super::order::PartPlace;
 use super::sink::{MeshSink, ResultMesh};
 use crate::base::ordered::map_within;
 use crate::base::{Error, Findings, Result};
-use crate::model::StoredPiece;
 use crate::model::corners::FaceReader;
+use crate::model::id::MeshVertex;
 use crate::model::stored_mesh::PieceNumbering;
+use crate::model::{Face, StoredPiece};
 use crate::os::content::Content;
 
 /// An OBJ being written.
@@ -50,8 +52,12 @@ impl MeshSink for ObjSink {
         let ResultMesh { mesh, usage, ref order, form, share, work_folder, .. } = *result;
         let obj = &mut self.text;
         let shared = SharedNormals::gather(mesh, corners, share, work_folder, |normals| obj.normals(normals))?;
-        let faces = Grouping::new(order.counts(usage), form.words(), share, &work_folder.join("write-faces.tmp"))?;
-        let faces = Numberer { result, shared: &shared }.number_faces(faces, obj)?;
+        let faces = if form.normals {
+            let faces = Grouping::new(order.counts(usage), form.words(), share, &work_folder.join("write-faces.tmp"))?;
+            Numberer { result, shared: &shared }.number_faces(faces, obj)?
+        } else {
+            group_faces(result, form.words(), |face, words| put_numbers(result, face, words))?
+        };
         obj.faces(faces, result)
     }
 
@@ -65,7 +71,17 @@ impl MeshSink for ObjSink {
     }
 }
 
-/// Converts the faces to the numbering of the result.
+/// Appends the numbers of the vertices of a face, counted from 1, and of its texture coordinates, 0 for none.
+fn put_numbers(result: &ResultMesh<'_>, face: &Face<MeshVertex>, words: &mut Vec<u32>) {
+    let ResultMesh { usage, form, .. } = *result;
+    words.extend(face.vertices.map(|vertex| usage.vertices.rank(vertex) + 1));
+    if form.texcoords {
+        let number = |texcoord| usage.texcoords.rank(texcoord) + 1;
+        words.extend(face.texcoords.map(|texcoord| texcoord.some().map_or(0, number)));
+    }
+}
+
+/// Converts faces with normals of their corners to the numbering of the result.
 struct Numberer<'a> {
     result: &'a ResultMesh<'a>,
     shared: &'a SharedNormals,
@@ -74,20 +90,14 @@ struct Numberer<'a> {
 impl Numberer<'_> {
     /// Adds every face to `faces`, and writes the normals at the pieces' own vertices to the OBJ.
     fn number_faces(&self, mut faces: Grouping<PartPlace>, obj: &mut ObjText) -> Result<Grouping<PartPlace>> {
-        let ResultMesh { mesh, numbering, form, share: memory_bytes, .. } = *self.result;
+        let ResultMesh { mesh, numbering, share: memory_bytes, .. } = *self.result;
         let mut reader = FaceReader::default();
         let mut normal_count = u64::from(self.shared.count);
         map_within(
             memory_bytes,
-            |(piece, _)| if form.normals { piece_bytes(piece) } else { 0 },
+            |(piece, _)| piece_bytes(piece),
             mesh.pieces.iter().zip(numbering),
-            |(piece, ids)| {
-                if form.normals {
-                    Ok((piece, ids, piece_normals(mesh, piece, self.shared)?))
-                } else {
-                    Ok((piece, ids, PieceNormals::default()))
-                }
-            },
+            |(piece, ids)| Ok((piece, ids, piece_normals(mesh, piece, self.shared)?)),
             |(piece, ids, normals)| {
                 obj.normals(&normals.unique)?;
                 let first_normal = normal_count;
@@ -110,24 +120,16 @@ impl Numberer<'_> {
         reader: &mut FaceReader,
         faces: &mut Grouping<PartPlace>,
     ) -> Result<()> {
-        let ResultMesh { usage, ref order, form, .. } = *self.result;
+        let own_base = first_normal - self.shared.count;
+        let number = |&n: &u32| if n < self.shared.count { n + 1 } else { n + own_base + 1 };
         let mut corner_normals = corner_normals.chunks_exact(3);
         let mut numbered = Vec::with_capacity(9);
         reader.each_block(piece, |block| {
             for face in block {
-                let face = ids.globalise(face);
                 numbered.clear();
-                numbered.extend(face.vertices.map(|v| usage.vertices.rank(v) + 1));
-                if form.texcoords {
-                    let number = |texcoord| usage.texcoords.rank(texcoord) + 1;
-                    numbered.extend(face.texcoords.map(|texcoord| texcoord.some().map_or(0, number)));
-                }
-                if let Some(normals) = corner_normals.next() {
-                    let own_base = first_normal - self.shared.count;
-                    let number = |&n: &u32| if n < self.shared.count { n + 1 } else { n + own_base + 1 };
-                    numbered.extend(normals.iter().map(number));
-                }
-                faces.push(order.place(face.part), &numbered)?;
+                put_numbers(self.result, &ids.globalise(face), &mut numbered);
+                numbered.extend(corner_normals.next().into_iter().flatten().map(number));
+                faces.push(self.result.order.place(face.part), &numbered)?;
             }
             Ok(())
         })
