@@ -6,8 +6,10 @@ DRYSTONE_TASK_KILLS sets how many runs are disturbed by kills.
 import os
 import random
 import shlex
+import shutil
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -135,6 +137,26 @@ def test_kills_at_any_time_cost_no_byte(drystone, hills, expected, tmp_path):
         assert names(folder) == ["out.obj"], number
     print(f"killed: {hit}")
     assert KILLS < 10 or min(hit.values()) > 0
+
+
+@pytest.mark.skipif(sys.platform != "linux" or not shutil.which("cc"), reason="needs Linux and a C compiler")
+def test_names_that_appear_late_are_waited_for(drystone, hills, expected, tmp_path):
+    library, seconds = tmp_path / "calls.so", 1.5
+    source = Path(__file__).resolve().parents[2] / "tools" / "faults" / "calls.c"
+    subprocess.run(["cc", "-O2", "-shared", "-fPIC", "-o", library, source, "-ldl", "-lpthread"], check=True)
+    # Only the coordinator sees names late.
+    arguments = command(drystone, hills, tmp_path)
+    place = arguments.index("--task-runner") + 1
+    arguments[place] = arguments[place].replace("xargs", "env -u LD_PRELOAD xargs")
+    late = {"LD_PRELOAD": str(library), "FAULT_ROOT": os.path.realpath(tmp_path), "FAULT_HIDE": str(seconds)}
+    began = time.monotonic()
+    done = subprocess.run(
+        arguments, env=os.environ | late, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out.obj").read_bytes() == expected
+    assert time.monotonic() - began > seconds
+    assert names(tmp_path) == ["calls.so", "out.obj"]
 
 
 def test_a_stopped_job_ends_its_tasks_and_goes_on(drystone, hills, expected, tmp_path):

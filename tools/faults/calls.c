@@ -6,6 +6,8 @@
 //   FAULT_KIND  how: "kill" (SIGKILL before it is done), "half" (SIGKILL, after half of the bytes if it writes),
 //               "full" (no space left for this one and all that follow and need some), "error" (an I/O error),
 //               "interrupt" (by a signal: to be tried again), "short" (half of the bytes are written, if it writes)
+//   FAULT_HIDE  seconds for which new names in folders of stages are not seen, as on a network disk; for as long again they
+//               have an old size
 //   FAULT_LOG   file to which every call is appended once it succeeded, with its bytes: what power_cuts.py makes the
 //               contents of a disk from. One line "number operation path offset rest", with tabs between; the rest is
 //               how many bytes were written, which follow the line, or the new path.
@@ -25,6 +27,7 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <sys/uio.h>
+#include <time.h>
 #include <unistd.h>
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
@@ -67,6 +70,19 @@ static int absolute(int folder, const char *name, char path[PATH_MAX]) {
     }
     if (snprintf(path, PATH_MAX, "%s%s", base, name) >= PATH_MAX) return 0;
     return below_root(path);
+}
+
+// Seconds since a name in the folder of a stage appeared, if it was not this process that made it; large for all others.
+static double age(int folder, const char *name) {
+    char path[PATH_MAX];
+    struct stat64 found;
+    struct timespec now;
+    const char *stage;
+    if (!*setting("FAULT_HIDE") || !absolute(folder, name, path) || !(stage = strstr(path, "/stage-"))) return 1e9;
+    const char *file = strchr(stage + 1, '/');
+    if (!file || !strncmp(file, "/stage.bin", 10) || fstatat64(AT_FDCWD, path, &found, AT_SYMLINK_NOFOLLOW)) return 1e9;
+    clock_gettime(CLOCK_REALTIME, &now);
+    return (now.tv_sec - found.st_ctim.tv_sec) + 1e-9 * (now.tv_nsec - found.st_ctim.tv_nsec);
 }
 
 static void die(void) {
@@ -203,10 +219,25 @@ int ftruncate64(int fd, off64_t length) {
 SYNC(fsync)
 SYNC(fdatasync)
 
+int statx(int folder, const char *restrict name, int flags, unsigned mask, struct statx *restrict found) {
+    double seconds = name && *name ? age(folder, name) : 1e9, hidden = atof(setting("FAULT_HIDE"));
+    if (seconds < hidden) {
+        errno = ENOENT;
+        return -1;
+    }
+    int outcome = REAL(statx)(folder, name, flags, mask, found);
+    if (!outcome && seconds < 2 * hidden) found->stx_size /= 2;
+    return outcome;
+}
+
 // Opening counts where it makes a file or empties one.
 static int open_counted(int folder, const char *name, int flags, mode_t mode) {
     char path[PATH_MAX];
     __typeof__(&openat64) real = REAL(openat64);
+    if (!(flags & O_CREAT) && age(folder, name) < atof(setting("FAULT_HIDE"))) {
+        errno = ENOENT;
+        return -1;
+    }
     if (!(flags & (O_CREAT | O_TRUNC)) || !absolute(folder, name, path)) return real(folder, name, flags, mode);
     int was_there = access(path, F_OK) == 0;
     if (was_there && !(flags & O_TRUNC)) return real(folder, name, flags, mode);
