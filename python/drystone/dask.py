@@ -137,11 +137,14 @@ class _StageRun:
         if future.status != "finished":
             # A copy may still succeed.
             return [] if others else [Ended(index, -1, str(future.exception()))]
+        ended = Ended(*future.result())
+        if ended.code != 0 and ended.code not in FINAL:
+            # A copy may still succeed, where this worker sees no such stage, or its disk fails.
+            return [] if others else [ended]
         for other in others:
             del self.pending[other]
         self.runner.client.cancel(others, force=True)
-        ended = Ended(*future.result())
-        return [] if ended.code in (0, 9) else [ended]
+        return [] if ended.code == 0 else [ended]
 
     def copy_late(self) -> None:
         """Has tasks done a second time that take much longer than the others, if workers have nothing else to do."""

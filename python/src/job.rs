@@ -1,7 +1,7 @@
 //! Runs a job on a thread of its own, while the caller's thread waits without the GIL.
 //!
 //! The caller's thread wakes ten times a second: it hands events to the listener and looks for signals, so that no
-//! other thread ever runs Python. If a signal handler or the listener raises, the job is stopped at its next safe place,
+//! thread of the job ever runs Python. If a signal handler or the listener raises, the job is stopped at its next safe place,
 //! and the exception comes out.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};

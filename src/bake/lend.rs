@@ -46,6 +46,8 @@ impl Recalled for BakeDetails {
         self.original.is_sound(&())
             && self.partition.is_sound(&self.mesh, self.patch_faces)
             && (64..=16384).contains(&self.side)
+            && self.lengths[0] > 0.0
+            && self.lengths[1] >= 0.0
             && self.lengths.iter().all(|length| length.is_finite())
     }
 }

@@ -13,14 +13,15 @@ use crate::file::name::is_file_name;
 use crate::os::content::Content;
 use crate::os::durable::no_links;
 
-/// Stamp of a file in the work folder: its name, its length and a hash of its first 64 bytes, which contain the
-/// checksum of the rest.
+/// Stamp of a file in the work folder: its name, its length, and hashes of its first 64 bytes and of the rest.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stamp {
     name: String,
     bytes: u64,
     /// XXH3 of the header.
     header: u64,
+    /// XXH3 of what follows: the checksum in the header, or that of the content if the file has none, as an image.
+    rest: u64,
 }
 
 /// State of a file compared with its stamp.
@@ -46,10 +47,15 @@ impl Stamp {
         file.read_exact(&mut header).map_err(wrap)?;
         let bytes = file.metadata().map_err(wrap)?.len();
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Self { name, bytes, header: xxh3_64(&header) })
+        let rest = match Header::decode(&header) {
+            Ok(header) => header.checksum,
+            Err(_) => hash_of_rest(file).map_err(wrap)?,
+        };
+        Ok(Self { name, bytes, header: xxh3_64(&header), rest })
     }
 
-    /// Compares length and header of the file with the stamp. Its content is not read: blocks have checksums of their own.
+    /// Compares length and header of the file with the stamp. The content is read of files without a header alone: blocks
+    /// have checksums of their own.
     pub fn is_at_head(&self, folder: &Path) -> bool {
         let path = folder.join(&self.name);
         let is_file = fs::symlink_metadata(&path).is_ok_and(|meta| meta.is_file());
@@ -88,13 +94,13 @@ impl Stamp {
         if xxh3_64(&header) != self.header {
             return damaged("its header is not the one that was written");
         }
-        let expected = match Header::decode(&header) {
-            Ok(header) => header.checksum,
-            Err(message) => return Ok(Condition::Damaged(message)),
-        };
-        let rest = Content::pass(file, |_| Ok::<(), io::Error>(())).map_err(|e| Error::io(&path, "read", e))?;
-        if rest.hash == expected { Ok(Condition::Whole) } else { damaged("its checksum does not match") }
+        let rest = hash_of_rest(file).map_err(|e| Error::io(&path, "read", e))?;
+        if rest == self.rest { Ok(Condition::Whole) } else { damaged("its checksum does not match") }
     }
+}
+
+fn hash_of_rest(file: File) -> io::Result<u64> {
+    Ok(Content::pass(file, |_| Ok::<(), io::Error>(()))?.hash)
 }
 
 #[cfg(test)]
@@ -105,6 +111,21 @@ mod tests {
         let header = Header { kind: *b"test    ", record_bytes: 1, count: 4, checksum: xxh3_64(content) };
         fs::write(path, [&header.encode(), content].concat()).unwrap();
         Stamp::of(path).unwrap()
+    }
+
+    #[test]
+    fn a_file_without_a_header_is_stamped_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let mut bytes: Vec<u8> = (0..200).collect();
+        fs::write(&path, &bytes).unwrap();
+        let stamp = Stamp::of(&path).unwrap();
+        assert!(stamp.is_at_head(folder.path()));
+        assert_eq!(stamp.verify(folder.path()).unwrap(), Condition::Whole);
+        bytes[150] ^= 1;
+        fs::write(&path, &bytes).unwrap();
+        assert!(!stamp.is_at_head(folder.path()));
+        assert!(matches!(stamp.verify(folder.path()).unwrap(), Condition::Damaged(_)));
     }
 
     #[test]

@@ -2,13 +2,13 @@
 
 use super::lent::LentResults;
 use crate::base::id::Id;
-use crate::base::{Progress, Result, Silent};
+use crate::base::{Progress, Result};
 use crate::job::stage::{BUILD, Order, StageTask};
 use crate::job::{StepKey, WorkFolder};
 use crate::partition::{ClusterId, Partition};
 
 /// Fewest items that are lent; with fewer, other processes would begin when this one is done.
-const ITEMS_MIN: usize = 4;
+pub const ITEMS_MIN: usize = 4;
 
 /// What one process does at a time, and the size of the work in units of the phase.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -121,9 +121,7 @@ fn divide<I>(items: &[LentItem<I>], count: usize) -> Vec<&[LentItem<I>]> {
 pub struct Uncounted<'a>(pub &'a dyn Progress);
 
 impl Progress for Uncounted<'_> {
-    fn begin(&self, phase: &'static str, total: u64, unit: &'static str) {
-        Silent.begin(phase, total, unit);
-    }
+    fn begin(&self, _phase: &'static str, _total: u64, _unit: &'static str) {}
 
     fn tell(&self, message: &str) {
         self.0.tell(message);

@@ -45,6 +45,11 @@ impl<I: Id> LentResults<I> {
         Ok(Some((self.tasks[task].read(work, item.number(), context)?, is_told)))
     }
 
+    /// Removes the files of the results, once each is recorded in another way; on a best-effort basis.
+    pub fn remove(&self, work: &Path) {
+        self.tasks.iter().for_each(|task| task.remove(work));
+    }
+
     /// Whether another process did an item.
     pub fn holds(&self, item: I) -> bool {
         self.places.contains_key(&item)

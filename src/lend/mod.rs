@@ -10,6 +10,6 @@ mod divide;
 mod lent;
 mod work;
 
-pub use divide::{Lendable, LentItem, Uncounted, lend};
+pub use divide::{ITEMS_MIN, Lendable, LentItem, Uncounted, lend};
 pub use lent::LentResults;
 pub use work::{LentResult, LentWork, details_of, encoded};

@@ -1,7 +1,8 @@
 //! Files that are either complete or absent: written under a temporary name, synced and renamed; then the folder is
 //! synced.
 //!
-//! In a work folder, the temporary name is that of the file plus `.tmp`. In folders of the user, it must neither match
+//! In a work folder, the temporary name is that of the file plus `.tmp`, or plus a number and `.tmp` where several
+//! processes may write the file. In folders of the user, it must neither match
 //! a file of the user nor of another process; there it is `drystone-<job>-<hash of the file name>.tmp`, which only this
 //! job creates and removes ([`waiting_place`], [`remove_waiting`]).
 

@@ -11,6 +11,7 @@ use crate::job::{InputFile, Recalled, WorkFolder};
 use crate::lend::{Lendable, LentItem, LentResult, LentResults, LentWork, Uncounted, details_of, encoded, lend};
 use crate::model::StoredPiece;
 use crate::model::id::FileId;
+use crate::os::durable::new_job_number;
 use crate::passes::arithmetic;
 use crate::read::{ScanOptions, ScannedFile};
 
@@ -23,9 +24,12 @@ const PREFIX: &str = "scan-files";
 #[derive(Deserialize)]
 struct ScanDetails {
     inputs: Vec<InputFile>,
-    /// When each was changed last, in nanoseconds since 1970: results of an older content are those of another stage.
-    #[expect(dead_code, reason = "it is a part of the stage's name")]
+    /// When each was changed last, in nanoseconds since 1970.
     changed: Vec<u64>,
+    /// Number of the process that lends them: what was read for an earlier one is not taken, since files may have changed
+    /// meanwhile, and what they name.
+    #[expect(dead_code, reason = "it makes the stage another one")]
+    process: u64,
 }
 
 impl Recalled for ScanDetails {
@@ -34,7 +38,7 @@ impl Recalled for ScanDetails {
     fn locate(&mut self, _: &Path, (): &()) {}
 
     fn is_sound(&self, (): &()) -> bool {
-        true
+        self.inputs.len() == self.changed.len()
     }
 }
 
@@ -66,7 +70,7 @@ pub(super) fn lend_files(
         is_counted: true,
     };
     progress.begin("scan", inputs.iter().map(|input| input.bytes).sum(), "B");
-    lend(work, &what, || encoded(&(inputs, changed)), progress)
+    lend(work, &what, || encoded(&(inputs, changed, new_job_number(work.path()))), progress)
 }
 
 fn items(inputs: &[InputFile]) -> Vec<LentItem<FileId>> {
@@ -89,11 +93,18 @@ pub(super) fn do_task(
     limits: WorkLimits,
     progress: &dyn Progress,
 ) -> Result<()> {
-    let ScanDetails { inputs, .. } = details_of(stage)?;
+    let ScanDetails { inputs, changed: times, .. } = details_of(stage)?;
     arithmetic::refuse_other(stage, arithmetic::usual_cost())?;
     let paths: Vec<PathBuf> = inputs.iter().map(|input| input.path.clone()).collect();
     let folder = stage.path().with_file_name("");
-    let read = |file: FileId| ScannedFile::read(&paths, file.index(), &folder, &options, &Uncounted(progress));
+    let read = |file: FileId| {
+        let (path, input) = (&paths[file.index()], &inputs[file.index()]);
+        // A network disk may still show an older file here; another try finds the newer one.
+        if InputFile::of(path)?.bytes != input.bytes || changed(path)? != times[file.index()] {
+            return Err(Error::io(path, "read", std::io::Error::other("not the file that the job was begun with")));
+        }
+        ScannedFile::read(&paths, file.index(), &folder, &options, &Uncounted(progress))
+    };
     let work = LentWork {
         items: items(&inputs),
         has_pieces: false,

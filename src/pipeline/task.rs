@@ -53,6 +53,16 @@ pub fn do_task(stage: &Path, index: usize, limits: Limits, progress: &dyn Progre
     done.map(|()| TaskEnd::Done)
 }
 
+/// What a task of a kind counts.
+fn unit_of(kind: &str) -> &'static str {
+    match kind {
+        #[cfg(feature = "images")]
+        tile::TILE => "tiles",
+        lend_scan::SCAN => "B",
+        _ => "faces",
+    }
+}
+
 fn work(stage: &Stage, task: &StageTask, limits: Limits, progress: &dyn Progress) -> Result<()> {
     let shown = escape_path(&stage.path());
     if stage.build() != BUILD {
@@ -63,7 +73,7 @@ fn work(stage: &Stage, task: &StageTask, limits: Limits, progress: &dyn Progress
     let threads = memory::choose_threads(limits.threads, budget);
     let _threads = Pool::new(threads)?.enter();
     let limits = WorkLimits { threads, work_bytes: budget.for_work() };
-    progress.begin("task", task.amount, "faces");
+    progress.begin("task", task.amount, unit_of(stage.kind()));
     match stage.kind() {
         #[cfg(feature = "images")]
         bake::BAKE => bake::do_task(stage, task, limits, progress),

@@ -201,6 +201,7 @@ impl Plan {
     /// The plan with a prediction for several machines; `bandwidth` is what their shared disk moves in a second, in bytes.
     pub fn on_machines(self, machines: u32, bandwidth: Option<u64>) -> Self {
         let run = PlannedRun {
+            input_files: self.input.files,
             input_bytes: self.input.bytes,
             target: self.target.unwrap_or(self.input.triangles),
             passes: &self.passes,

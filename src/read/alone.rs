@@ -1,6 +1,7 @@
 //! Reads files one by one, so that several processes can, and joins what they read.
 //!
-//! Invariant: the files joined are what reading them in one go would give.
+//! Invariant: the files joined are what reading them in one go would give, but for the paths in findings: they are
+//! those that the files were read at.
 
 use std::path::{Path, PathBuf};
 
@@ -14,6 +15,9 @@ use super::{Scan, Scanned};
 use crate::base::{Allowance, Error, Findings, Progress, Result};
 use crate::job::Recalled;
 use crate::model::Catalogue;
+
+/// No file has as many of anything.
+const COUNT_LIMIT: u64 = 1 << 48;
 
 /// What a file of the input holds.
 #[derive(Debug, Serialize, Deserialize)]
@@ -34,7 +38,13 @@ impl Recalled for ScannedFile {
     }
 
     fn is_sound(&self, (): &()) -> bool {
-        self.file.piece.is_sound() && self.catalogue.is_sound() && self.findings.are_plain()
+        // Each triangle and each finding has bytes of its own in the file.
+        let FinishedFile { piece, triangles, bytes, .. } = &self.file;
+        let counts = self.findings.iter().map(|(_, finding)| finding.count).chain([*triangles, *bytes]);
+        piece.is_sound()
+            && self.catalogue.is_sound()
+            && self.findings.are_plain()
+            && counts.max().is_none_or(|count| count < COUNT_LIMIT)
     }
 }
 

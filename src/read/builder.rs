@@ -10,7 +10,6 @@
 //! `scan-<index>-positions.col`, `-texcoords.col`, `-colours.col` (if a vertex has a colour) and `-faces.blk`. The last
 //! is `-faces.bare.blk` if faces refer to texture coordinates and the file has none.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
@@ -250,9 +249,8 @@ fn without_texcoords(faces: FaceBlocks) -> Result<FaceBlocks> {
         }
         writer.append(&block_faces)?;
     }
-    let bare = writer.finish()?;
-    fs::remove_file(faces.path()).map_err(|e| Error::io(faces.path(), "remove", e))?;
-    Ok(bare)
+    // NOTE: the other file stays, since another process may read it; no record names it, so it goes with the next step.
+    writer.finish()
 }
 
 fn append_uncoloured(colours: &mut ColumnWriter<[f32; 3]>, mut count: u64) -> Result<()> {

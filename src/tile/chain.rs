@@ -35,7 +35,7 @@ const LAST_FACES: u64 = 500;
 /// Points by area on each surface for its distance from the input.
 const SAMPLES: u64 = 100_000;
 /// Levels at most.
-const LEVELS_MAX: u32 = 40;
+pub(super) const LEVELS_MAX: u32 = 40;
 
 /// A mesh after a pass.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -75,12 +75,15 @@ pub struct MadeTile {
 }
 
 impl Recalled for MadeTile {
-    type Context<'a> = ();
+    /// The node that it should be.
+    type Context<'a> = TileId;
 
-    fn locate(&mut self, _: &Path, (): &()) {}
+    fn locate(&mut self, _: &Path, _: &TileId) {}
 
-    fn is_sound(&self, (): &()) -> bool {
-        self.record.content == Content::of_bytes(&self.glb) && self.raw.as_ref().is_none_or(RawDraft::is_sound)
+    fn is_sound(&self, node: &TileId) -> bool {
+        self.record.node == *node
+            && self.record.content == Content::of_bytes(&self.glb)
+            && self.raw.as_ref().is_none_or(RawDraft::is_sound)
     }
 }
 

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use serde::Deserialize;
 
+use super::chain::LEVELS_MAX;
 use super::crew::{LevelPlan, MadeTile, TileCrew};
 use super::cut::CutLevel;
 use super::scene::TileScene;
@@ -58,6 +59,14 @@ impl Recalled for TileDetails {
             && self.others.iter().flatten().all(SurfaceCells::is_sound)
             && (64..=16384).contains(&self.settings.side)
             && self.numbers[0] <= self.numbers[1]
+            && self.numbers[1] < LEVELS_MAX
+            && self.scene.is_sound()
+            && self.away >= 0.0
+            && self.away.is_finite()
+            && [Some(&self.input), self.below.as_ref()]
+                .into_iter()
+                .flatten()
+                .all(|of| of.median_texel.is_normal() && of.median_texel > 0.0)
     }
 }
 

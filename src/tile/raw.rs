@@ -59,6 +59,9 @@ pub struct RawDraft {
 /// A triangle: its vertices and their texture coordinates.
 type RawFace = ([u32; 3], [[f32; 2]; 3]);
 
+/// Largest side of an image of a tile in texels.
+const SIDE_MAX: usize = 1 << 14;
+
 impl RawDraft {
     /// What is kept of a tile with this mesh, whose positions are relative to `origin`; `None` if it has no triangles with
     /// texels.
@@ -74,8 +77,11 @@ impl RawDraft {
     /// Reports whether its parts fit together.
     pub fn is_sound(&self) -> bool {
         let is_vertex = |&vertex: &u32| (vertex as usize) < self.positions.len();
-        let texels = self.size[0].checked_mul(self.size[1]).and_then(|texels| texels.checked_mul(3));
-        texels == Some(self.rgb.len()) && self.faces.iter().all(|(vertices, _)| vertices.iter().all(is_vertex))
+        let [width, height] = self.size;
+        let are_sides = self.size.iter().all(|side| (1..=SIDE_MAX).contains(side));
+        are_sides
+            && 3 * width * height == self.rgb.len()
+            && self.faces.iter().all(|(vertices, _)| vertices.iter().all(is_vertex))
     }
 
     /// Writes the tile `node` of a level, the one with this index among those of its level, and records it.

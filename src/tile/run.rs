@@ -26,6 +26,7 @@ use crate::base::id::TiVec;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Permits, Result};
 use crate::job::{Recalled, Step};
+use crate::lend::LentResults;
 use crate::os::durable::{DurableFile, make_folders};
 use crate::surface::cells::SurfaceCells;
 
@@ -216,7 +217,7 @@ impl Pyramid<'_> {
         let plan = self.plan(levels, number, cut, joined.as_ref());
         let missing: Vec<TileId> =
             nodes.iter().zip(&known).filter(|(_, known)| known.is_none()).map(|(&node, _)| node).collect();
-        let lent = plan.lend(&missing, work, progress)?;
+        let lent = if is_done { LentResults::default() } else { plan.lend(&missing, work, progress)? };
         let crew = TileCrew::new(&plan, limits, progress);
         let permits = Permits::new(TileCrew::budget(limits));
         let make = |index: usize| {
@@ -224,10 +225,10 @@ impl Pyramid<'_> {
                 return Ok(ReadyTile { record, raw: None, is_told: false });
             }
             progress.check_stopped()?;
-            if let Some((made, is_told)) = lent.result(work.path(), nodes[index], &())? {
+            let _permit = permits.take(plan.tile_bytes(index));
+            if let Some((made, is_told)) = lent.result::<MadeTile>(work.path(), nodes[index], &nodes[index])? {
                 return self.keep(number, index, made, is_told);
             }
-            let _permit = permits.take(plan.tile_bytes(index));
             self.keep(number, index, crew.make(index)?, false)
         };
         let mut all = TilesOfLevel { records: Vec::with_capacity(nodes.len()), raws: Vec::with_capacity(nodes.len()) };
@@ -238,6 +239,7 @@ impl Pyramid<'_> {
             Ok(())
         })?;
         below.iter().flat_map(|below| &below.raws).flatten().for_each(RawTile::remove);
+        lent.remove(work.path());
         Ok(all)
     }
 

@@ -32,6 +32,12 @@ impl TileScene {
         Self { origin, bounds, texel, lattice: Lattice::new(texel, reach) }
     }
 
+    /// Reports whether lengths are lengths.
+    pub fn is_sound(&self) -> bool {
+        [self.texel, self.lattice.step].into_iter().all(|length| length.is_normal() && length > 0.0)
+            && self.origin.is_finite()
+    }
+
     /// Length of a texel's side in a level.
     pub fn texel_of(&self, level: u32) -> f64 {
         self.texel * libm::exp2(f64::from(level))

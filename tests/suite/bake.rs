@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use drystone::measure::compare::{CompareOptions, Comparison, Resources, Spread, compare};
-use drystone::options::{ImageFormat, Limits, SimplifyOptions, TextureFiles};
+use drystone::options::{ImageFormat, JobOptions, Limits, ResumeChoice, SimplifyOptions, TextureFiles};
 use drystone::{Error, ErrorKind, Progress, Silent, pipeline, plan};
 
 use crate::meshes::{StopAfter, contents, copy_town, in_many_clusters, ratio, simplify, status, town};
@@ -139,7 +139,12 @@ fn threads_memory_and_stops_leave_no_trace_in_baked_files() {
         fs::remove_dir_all(path("other")).unwrap();
     }
     let (mut stops, mut patches_done) = (0, 0);
-    while let Err(error) = run("parts", options.clone(), &StopAfter::units(20 + 5 * stops)) {
+    // What is recorded must be intact, once there is something.
+    let resumed = |patches_done| {
+        let resume = if patches_done > 0 { ResumeChoice::Require } else { ResumeChoice::Auto };
+        SimplifyOptions { job: JobOptions { resume, ..options.job.clone() }, ..options.clone() }
+    };
+    while let Err(error) = run("parts", resumed(patches_done), &StopAfter::units(20 + 5 * stops)) {
         assert!(matches!(error, Error::Stopped) && stops < 1000, "{error}");
         assert!(!path("parts/out.obj").exists());
         stops += 1;

@@ -296,8 +296,10 @@ struct Unlucky {
 impl Hands for Unlucky {
     fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<HandsEnd> {
         if self.is_full {
-            // What a process leaves that cannot say why it failed.
-            std::fs::write(stage.path().with_file_name("task-2.error"), "").unwrap();
+            // What a process leaves that has no room to say why it failed.
+            for name in ["task-2.error", "task-2.full"] {
+                std::fs::write(stage.path().with_file_name(name), "").unwrap();
+            }
             return Ok(HandsEnd::Unsure);
         }
         let mut bytes = std::fs::read(stage.path()).unwrap();
@@ -312,6 +314,29 @@ impl Hands for Unlucky {
     fn patience(&self) -> Duration {
         Duration::from_millis(1)
     }
+}
+
+/// Leaves the traces of results that were taken, but not the results: what a power cut may leave.
+#[derive(Debug)]
+struct Forgetful;
+
+impl Hands for Forgetful {
+    fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<HandsEnd> {
+        stage.tasks().iter().for_each(|task| std::fs::write(stage.file_of(task, "taken"), "").unwrap());
+        Ok(HandsEnd::Unsure)
+    }
+
+    fn patience(&self) -> Duration {
+        Duration::from_millis(1)
+    }
+}
+
+#[test]
+fn a_task_that_was_taken_and_lost_is_done_again() {
+    let folder = tempfile::tempdir().unwrap();
+    town_elsewhere(folder.path(), Arc::new(Forgetful)).unwrap_err();
+    let report = town_elsewhere(folder.path(), Arc::new(Careless::default())).unwrap();
+    assert!(report.resumed);
 }
 
 #[test]

@@ -72,7 +72,7 @@ static int absolute(int folder, const char *name, char path[PATH_MAX]) {
     return below_root(path);
 }
 
-// Seconds since a name in the folder of a stage appeared, if it was not this process that made it; large for all others.
+// Seconds since a name in the folder of a stage appeared, but for the stage's own file; large for all others.
 static double age(int folder, const char *name) {
     char path[PATH_MAX];
     struct stat64 found;

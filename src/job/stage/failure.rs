@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::folder::{failure_name, is_stage_folder};
+use super::folder::{ERROR, FULL, failure_name, is_stage_folder};
 use super::stage_file::Stage;
 use crate::base::error::escape;
 use crate::base::{Error, ErrorKind};
@@ -49,34 +49,35 @@ pub fn note_failure(stage: &Path, task: usize, error: &Error) {
     let opened = no_links(options.write(true).create(true).truncate(true)).open(place(stage, task));
     let encoded = codec::encode(&failure).unwrap_or_default();
     let _ = opened.and_then(|mut file| file.write_all(&encoded));
+    if error.kind() == ErrorKind::NoSpace {
+        // A full disk has no room for words.
+        let _ = fs::File::create_new(stage.with_file_name(failure_name(task, FULL)));
+    }
 }
 
 fn place(stage: &Path, task: usize) -> PathBuf {
-    stage.with_file_name(failure_name(task))
+    stage.with_file_name(failure_name(task, ERROR))
 }
 
 impl Stage {
     /// Forgets why a task failed before.
     pub fn forget_failure(&self, task: usize) {
-        let _ = fs::remove_file(place(&self.path(), task));
-    }
-
-    /// As [`failure`](Stage::failure), once nobody writes any more: a file that is empty was written to a full disk.
-    pub(super) fn last_failure(&self, task: usize) -> Option<TaskFailure> {
-        let is_empty = || fs::symlink_metadata(place(&self.path(), task)).is_ok_and(|meta| meta.len() == 0);
-        let full_disk = || TaskFailure {
-            host: "another machine".into(),
-            kind: ErrorKind::NoSpace,
-            message: "no space left: it could not say more".into(),
-        };
-        self.failure(task).or_else(|| is_empty().then(full_disk))
+        for ending in [ERROR, FULL] {
+            let _ = fs::remove_file(self.path().with_file_name(failure_name(task, ending)));
+        }
     }
 
     /// Why a task failed last, if a process said so.
     pub(super) fn failure(&self, task: usize) -> Option<TaskFailure> {
         let path = place(&self.path(), task);
-        let meta = fs::symlink_metadata(&path).ok()?;
-        let is_short = meta.is_file() && meta.len() <= FAILURE_BYTES_MAX;
-        codec::decode(&fs::read(path).ok().filter(|_| is_short)?).ok()
+        let is_short = fs::symlink_metadata(&path).is_ok_and(|meta| meta.is_file() && meta.len() <= FAILURE_BYTES_MAX);
+        let said = fs::read(path).ok().filter(|_| is_short).and_then(|bytes| codec::decode(&bytes).ok());
+        let is_full = || self.path().with_file_name(failure_name(task, FULL)).exists();
+        let full_disk = || TaskFailure {
+            host: "another machine".into(),
+            kind: ErrorKind::NoSpace,
+            message: "no space left, not even to say more".into(),
+        };
+        said.or_else(|| is_full().then(full_disk))
     }
 }

@@ -11,8 +11,11 @@ pub(super) const STAGE_FILE: &str = "stage.bin";
 const PREFIX: &str = "stage-";
 /// Ending of the files that say that a task's results are in the work folder.
 pub(super) const TAKEN: &str = "taken";
-/// What the name of a file that says why a task failed begins and ends with.
-const FAILURE: [&str; 2] = ["task-", ".error"];
+/// What the name of a file that says why a task failed begins with, and its ending; that of an empty one beside it if the
+/// disk is full.
+const FAILURE: &str = "task-";
+pub(super) const ERROR: &str = "error";
+pub(super) const FULL: &str = "full";
 /// How often a folder is emptied, since a late process may write to it meanwhile.
 const REMOVALS_MAX: usize = 5;
 
@@ -22,8 +25,8 @@ pub(super) fn folder_name(id: u64) -> String {
 }
 
 /// Name of the file that says why a task failed.
-pub(super) fn failure_name(task: usize) -> String {
-    format!("{}{task}{}", FAILURE[0], FAILURE[1])
+pub(super) fn failure_name(task: usize, ending: &str) -> String {
+    format!("{FAILURE}{task}.{ending}")
 }
 
 /// Whether a folder has the name of a stage's folder, and holds nothing but what processes that do tasks write.
@@ -40,8 +43,9 @@ fn is_own(entry: fs::DirEntry) -> bool {
     let name = name.to_string_lossy();
     let stem = name.strip_suffix(TAKEN).and_then(|rest| rest.strip_suffix('.'));
     let is_taken = stem.is_some_and(|stem| is_phase_file(&format!("{stem}.state")));
-    let failed = name.strip_prefix(FAILURE[0]).and_then(|rest| rest.strip_suffix(FAILURE[1]));
-    let is_failure = failed.is_some_and(|number| number.parse::<u32>().is_ok());
+    let failed = name.strip_prefix(FAILURE).and_then(|rest| rest.split_once('.'));
+    let is_failure =
+        failed.is_some_and(|(number, ending)| number.parse::<u32>().is_ok() && [ERROR, FULL].contains(&ending));
     let is_of_task = is_phase_file(&name) || is_taken || is_failure;
     let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
     is_file && (is_of_task || name == STAGE_FILE || (name.starts_with(STAGE_FILE) && name.ends_with(".tmp")))

@@ -47,6 +47,11 @@ impl LentTask {
         self.frames.iter().map(|frame| frame.item)
     }
 
+    /// Removes the file of the results; its step must not be recalled any more.
+    pub fn remove(&self, work: &Path) {
+        let _ = std::fs::remove_file(work.join(format!("{}.{RESULTS}", self.key.name())));
+    }
+
     /// Reads the result of an item; `work` is the work folder.
     ///
     /// # Errors
@@ -98,6 +103,8 @@ impl WorkFolder {
         let stage = Stage::place(self.path(), order)?;
         remove_stages(self.path(), stage.path().parent());
         let wanted: Vec<usize> = (0..stage.tasks().len()).filter(|&task| wanted(&stage.tasks()[task])).collect();
+        // What was taken is recorded; a task that is not, as after a power cut, must be done again.
+        wanted.iter().for_each(|&task| drop(std::fs::remove_file(stage.file_of(&stage.tasks()[task], TAKEN))));
         self.note_steps();
         let contents = have_done(lending, &stage, &wanted, progress)?;
         let mut taken = Vec::with_capacity(wanted.len());
@@ -200,7 +207,7 @@ struct Missing {
 impl Missing {
     fn among(stage: &Stage, wanted: &[usize], contents: &[Option<TaskContents>]) -> Self {
         let missing = wanted.iter().zip(contents).filter(|(_, contents)| contents.is_none());
-        Self { tasks: missing.map(|(&task, _)| (task, stage.last_failure(task))).collect() }
+        Self { tasks: missing.map(|(&task, _)| (task, stage.failure(task))).collect() }
     }
 
     fn first(&self) -> Option<usize> {

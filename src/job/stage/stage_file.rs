@@ -23,7 +23,7 @@ const KIND: [u8; 8] = *b"stage   ";
 /// A task of a stage: what is done to some items in succession.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct StageTask {
-    /// The step that records it; the names of its files begin with the key's name.
+    /// The step that records it; the name of its results is the key's name.
     pub key: StepKey,
     /// Number of its first item.
     pub first: u32,

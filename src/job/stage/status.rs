@@ -36,8 +36,7 @@ impl StageStatus {
         let is_done = |task: &&StageTask| stage.file_of(task, RESULTS).exists() || stage.file_of(task, TAKEN).exists();
         let left: Vec<(usize, &StageTask)> =
             stage.tasks().iter().enumerate().filter(|(_, task)| !is_done(task)).collect();
-        let failures: Vec<_> =
-            left.iter().filter_map(|&(number, _)| Some((number, stage.last_failure(number)?))).collect();
+        let failures: Vec<_> = left.iter().filter_map(|&(number, _)| Some((number, stage.failure(number)?))).collect();
         let tasks = stage.tasks().len() as u64;
         Self {
             kind: stage.kind().to_owned(),
