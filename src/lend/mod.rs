@@ -3,8 +3,8 @@
 //! ```text
 //! items ── divide ──▶ tasks of a stage ──▶ other processes: work ──▶ results, files ──▶ lent: read one by one
 //! ```
-//! An item is a cluster, a patch or a tile. In: what is to be done to each. Out: the same results that this process would
-//! record. Which phases lend what, they say themselves.
+//! An item is a file, a cluster, a patch or a tile. In: what is to be done to each. Out: the same results that this
+//! process would record. Which phases lend what, they say themselves.
 
 mod divide;
 mod lent;

@@ -38,7 +38,6 @@ impl Recalled for ScannedFile {
     }
 
     fn is_sound(&self, (): &()) -> bool {
-        // Each triangle and each finding has bytes of its own in the file.
         let FinishedFile { piece, triangles, bytes, .. } = &self.file;
         let counts = self.findings.iter().map(|(_, finding)| finding.count).chain([*triangles, *bytes]);
         piece.is_sound()

@@ -71,7 +71,8 @@ impl Stage {
     pub(super) fn failure(&self, task: usize) -> Option<TaskFailure> {
         let path = place(&self.path(), task);
         let is_short = fs::symlink_metadata(&path).is_ok_and(|meta| meta.is_file() && meta.len() <= FAILURE_BYTES_MAX);
-        let said = fs::read(path).ok().filter(|_| is_short).and_then(|bytes| codec::decode(&bytes).ok());
+        let words = if is_short { fs::read(path).ok() } else { None };
+        let said = words.and_then(|bytes| codec::decode(&bytes).ok());
         let is_full = || self.path().with_file_name(failure_name(task, FULL)).exists();
         let full_disk = || TaskFailure {
             host: "another machine".into(),
