@@ -9,11 +9,13 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use xxhash_rust::xxh3::{xxh3_64, xxh3_64_with_seed};
 
 use crate::base::pool::skips_sync;
+use crate::base::threads::beside;
 use crate::base::{Error, Result};
 
 /// Longest wait for the lock of a folder, which may belong to the user and never be released.
@@ -27,6 +29,8 @@ pub struct DurableFile {
     temporary: PathBuf,
     target: PathBuf,
     is_sealed: bool,
+    /// Syncs what was appended earlier.
+    ahead: Option<JoinHandle<Result<()>>>,
 }
 
 impl DurableFile {
@@ -65,7 +69,7 @@ impl DurableFile {
         let opened = options.read(true).write(true).create_new(true).open(&temporary);
         let file = opened.map_err(|e| Error::io(target, "create", e))?;
         let writer = Some(BufWriter::with_capacity(buffer_bytes, file));
-        Ok(Self { writer, temporary, target: target.to_owned(), is_sealed: false })
+        Ok(Self { writer, temporary, target: target.to_owned(), is_sealed: false, ahead: None })
     }
 
     /// Path of the file once it is committed.
@@ -82,6 +86,30 @@ impl DurableFile {
         self.is_sealed = false;
         let held = writer.buffer().len();
         writer.write_all(bytes).map_err(|e| Error::io(&self.target, "write", e).lacking((held + bytes.len()) as u64))
+    }
+
+    /// Begins to sync what was appended so far, beside what follows, so that [`seal`](DurableFile::seal) finds little to
+    /// do; does nothing while an earlier sync lasts.
+    ///
+    /// # Errors
+    /// As [`write`](DurableFile::write), those of the earlier sync.
+    pub fn sync_ahead(&mut self) -> Result<()> {
+        if skips_sync() || self.ahead.as_ref().is_some_and(|thread| !thread.is_finished()) {
+            return Ok(());
+        }
+        self.wait_for_sync()?;
+        let Some(writer) = &self.writer else { return Ok(()) };
+        let (temporary, target) = (self.temporary.clone(), self.target.clone());
+        let wrap = move |e| Error::io(&target, "write", e);
+        let file = writer.get_ref().try_clone().map_err(&wrap)?;
+        self.ahead = beside(move || sync_file(&file, &temporary).map_err(wrap))?;
+        Ok(())
+    }
+
+    /// Waits for a sync that goes on. NOTE: the system tells a failed sync once, so its outcome may not be lost.
+    fn wait_for_sync(&mut self) -> Result<()> {
+        let lost = |_| Error::Damaged { path: self.target.clone(), message: "a sync ended without an outcome".into() };
+        self.ahead.take().map_or(Ok(()), |thread| thread.join().map_err(lost).flatten())
     }
 
     /// Flushes appended bytes, then overwrites bytes at an offset.
@@ -111,6 +139,7 @@ impl DurableFile {
     /// # Errors
     /// As [`write`](DurableFile::write).
     pub fn seal(&mut self) -> Result<()> {
+        self.wait_for_sync()?;
         if let Some(writer) = self.writer.as_mut().filter(|_| !self.is_sealed) {
             let held = writer.buffer().len() as u64;
             let synced = writer.flush().and_then(|()| sync_file(writer.get_ref(), &self.temporary));

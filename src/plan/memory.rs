@@ -16,7 +16,7 @@ use crate::passes::sample;
 use crate::read::{self, ScanOptions};
 use crate::remesh::cvd;
 use crate::simplify::Anchor;
-use crate::write::SHARE_BYTES_MAX;
+use crate::write::share_bytes_max;
 
 /// Minimum memory of a thread for its work.
 const THREAD_BYTES: u64 = 32 * MIB;
@@ -100,7 +100,7 @@ pub fn forecast(sizes: &Sizes, budget: MemoryBudget, threads: usize) -> MemoryFo
     let cluster = in_work(cluster_faces * ORDINARY_BYTES, metric, sizes.remesh.is_some(), sizes.is_bounded);
     let at_once = (threads as u64).min(sizes.faces.div_ceil(sizes.cluster_faces.max(1)).max(1));
     let simplify = cluster * at_once + KEPT_BYTES;
-    let write = (sizes.target * WRITE_FACE_BYTES).min(2 * SHARE_BYTES_MAX) + sizes.target / 4 + KEPT_BYTES;
+    let write = (sizes.target * WRITE_FACE_BYTES).min(2 * share_bytes_max(threads)) + sizes.target / 4 + KEPT_BYTES;
     let [scan, partition, simplify, write] =
         [scan, partition, simplify, write].map(|bytes| MemoryBudget::FIXED_BYTES + bytes.min(work));
     let peak = scan.max(partition).max(simplify).max(write);

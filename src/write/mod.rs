@@ -25,6 +25,7 @@
 mod arrays;
 mod companion;
 mod copy;
+mod face_sweep;
 mod format;
 mod glb;
 pub mod glb_format;
@@ -69,6 +70,7 @@ pub use self::targets::{Sources, textures_folder, why_unnameable};
 use self::textures::TextureStage;
 use crate::base::bytes::MIB;
 use crate::base::error::escape_path;
+use crate::base::pool;
 use crate::base::{Error, Findings, Progress, Result};
 use crate::job::{Recalled, StepKey};
 use crate::model::{Catalogue, StoredMesh};
@@ -83,8 +85,16 @@ pub const RESULT: StepKey = StepKey::fixed("write-result");
 
 /// Smallest memory in bytes for the grouping, and for work in flight.
 const SHARE_BYTES_MIN: u64 = 4 * MIB;
-/// Largest memory in bytes for each of them; more would make memory grow with the result and save little time.
-pub const SHARE_BYTES_MAX: u64 = 8 * MIB;
+/// Memory in bytes for each of them that more would save no time with, on few threads.
+const SHARE_BYTES: u64 = 8 * MIB;
+/// The same for each thread: a block of faces or lines, and one that waits.
+const THREAD_SHARE_BYTES: u64 = 2 * MIB;
+
+/// Largest memory in bytes for the grouping, and for work in flight; more would make memory grow with the result and save
+/// no time.
+pub fn share_bytes_max(threads: usize) -> u64 {
+    SHARE_BYTES.max(threads as u64 * THREAD_SHARE_BYTES)
+}
 
 /// The result as written.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
@@ -266,8 +276,10 @@ pub fn stage(
     remove_waiting_of(&targets.mesh, options.job);
     let numbering = mesh.numbering()?;
     let counts_corners = options.normals && targets.mtl.is_some();
-    let mut usage = Usage::sweep(mesh, &numbering, catalogue.parts.len(), counts_corners)?;
-    let share = (options.work_bytes.saturating_sub(usage.memory_bytes()) / 2).clamp(SHARE_BYTES_MIN, SHARE_BYTES_MAX);
+    let usage = Usage::none(mesh, catalogue.parts.len(), counts_corners);
+    let share = options.work_bytes.saturating_sub(usage.memory_bytes()) / 2;
+    let share = share.clamp(SHARE_BYTES_MIN, share_bytes_max(pool::thread_count()));
+    let mut usage = usage.sweep(mesh, &numbering, share)?;
     if options.textures == Textures::Copy && catalogue.has_texcoords {
         progress.begin("textures", 0, "");
     }

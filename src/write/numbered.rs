@@ -1,12 +1,11 @@
 //! Numbers the faces of a result as its file does, on all threads, and groups them by part.
 
+use super::face_sweep::{FaceRun, map_faces};
 use super::grouping::Grouping;
 use super::order::PartPlace;
 use super::sink::ResultMesh;
 use crate::base::Result;
-use crate::base::ordered::map_within;
 use crate::model::Face;
-use crate::model::corners::FaceReader;
 use crate::model::face::BLOCK_FACES;
 use crate::model::id::MeshVertex;
 
@@ -27,16 +26,12 @@ pub(super) fn group_faces(
 ) -> Result<Grouping<PartPlace>> {
     let ResultMesh { mesh, numbering, usage, ref order, share, work_folder, .. } = *result;
     let mut grouped = Grouping::new(order.counts(usage), words, share, &work_folder.join("write-faces.tmp"))?;
-    let blocks = mesh.pieces.iter().zip(numbering);
-    let blocks = blocks.flat_map(|(piece, ids)| piece.faces.blocks().iter().map(move |block| (piece, ids, block)));
-    let block_bytes = FaceReader::MEMORY_BYTES + (BLOCK_FACES * 4 * (words + 1)) as u64;
-    map_within(
+    map_faces(
+        mesh,
+        numbering,
         share,
-        |_| block_bytes,
-        blocks,
-        |(piece, ids, block)| {
-            let (mut bytes, mut faces) = (Vec::new(), Vec::new());
-            piece.faces.read_block(&piece.faces.open()?, block, &mut bytes, &mut faces)?;
+        (BLOCK_FACES * 4 * (words + 1)) as u64,
+        |FaceRun { ids, faces, .. }| {
             let places = faces.iter().map(|face| order.place(face.part)).collect();
             let mut numbered = NumberedBlock { places, words: Vec::with_capacity(words * faces.len()) };
             faces.iter().for_each(|face| number(&ids.globalise(face), &mut numbered.words));

@@ -4,21 +4,24 @@
 //! order (shared vertices, then piece by piece), so the rank of an id is its number in the result, counted from 0.
 //!
 //! # Memory
-//! 3/16 byte per vertex and texture coordinate, 8 bytes per part, and one block of faces.
+//! 3/16 byte per vertex and texture coordinate, 8 bytes per part, and blocks of faces within the memory given.
 
 use std::marker::PhantomData;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
 
+use super::face_sweep::{FaceRun, map_faces};
 use crate::base::id::{Id, TiVec};
 use crate::base::{Error, Result};
-use crate::model::StoredMesh;
-use crate::model::corners::FaceReader;
-use crate::model::id::{MeshVertex, PartId, SharedVertex, Texcoord};
+use crate::model::face::BLOCK_FACES;
+use crate::model::id::{MeshVertex, PartId, PieceVertex, SharedVertex, Texcoord};
 use crate::model::stored_mesh::PieceNumbering;
+use crate::model::{Face, StoredMesh};
 
 /// A set of ids that returns the rank of each member.
 #[derive(Debug)]
 pub(super) struct IdSet<I> {
-    words: Vec<u64>,
+    words: Vec<AtomicU64>,
     /// Number of members before each word; computed by [`rank_members`](IdSet::rank_members).
     before: Vec<u32>,
     count: u64,
@@ -28,33 +31,39 @@ pub(super) struct IdSet<I> {
 impl<I: Id> IdSet<I> {
     /// Creates an empty set for the first `limit` ids.
     pub(super) fn new(limit: u64) -> Self {
-        Self { words: vec![0; limit.div_ceil(64) as usize], before: Vec::new(), count: 0, kind: PhantomData }
+        let count = limit.div_ceil(64) as usize;
+        let words = std::iter::repeat_with(AtomicU64::default).take(count).collect();
+        Self { words, before: Vec::with_capacity(count), count: 0, kind: PhantomData }
     }
 
-    /// Adds an id.
-    pub(super) fn insert(&mut self, id: I) {
-        self.words[id.index() / 64] |= 1 << (id.number() % 64);
+    /// Adds an id; threads may do so at the same time.
+    pub(super) fn insert(&self, id: I) {
+        let (word, bit) = (&self.words[id.index() / 64], 1 << (id.number() % 64));
+        // Most ids come several times, and a look is cheaper.
+        if word.load(Relaxed) & bit == 0 {
+            word.fetch_or(bit, Relaxed);
+        }
     }
 
     /// Reports whether an id is a member.
     pub(super) fn contains(&self, id: I) -> bool {
-        self.words[id.index() / 64] >> (id.number() % 64) & 1 != 0
+        self.words[id.index() / 64].load(Relaxed) >> (id.number() % 64) & 1 != 0
     }
 
     /// Updates [`rank`](IdSet::rank) and [`len`](IdSet::len) to the current members.
     pub(super) fn rank_members(&mut self) {
         self.count = 0;
         self.before.clear();
-        for word in &self.words {
+        for word in &mut self.words {
             self.before.push(self.count as u32);
-            self.count += u64::from(word.count_ones());
+            self.count += u64::from(word.get_mut().count_ones());
         }
     }
 
     /// Number of members smaller than `id`.
     pub(super) fn rank(&self, id: I) -> u32 {
         let word = id.index() / 64;
-        self.before[word] + (self.words[word] & ((1 << (id.number() % 64)) - 1)).count_ones()
+        self.before[word] + (self.words[word].load(Relaxed) & ((1 << (id.number() % 64)) - 1)).count_ones()
     }
 
     /// Number of members at the last call of [`rank_members`](IdSet::rank_members).
@@ -81,53 +90,60 @@ pub(super) struct Usage {
     pub(super) corners_per_shared: TiVec<SharedVertex, u64>,
 }
 
+/// What a block of faces adds to the counts.
+struct BlockCounts {
+    /// Parts of consecutive faces, and their number.
+    parts: Vec<(PartId, u64)>,
+    /// Shared vertices at corners, if they are counted.
+    shared: Vec<SharedVertex>,
+}
+
+impl BlockCounts {
+    /// Largest size in bytes.
+    const BYTES_MAX: u64 = (BLOCK_FACES * (size_of::<(PartId, u64)>() + 3 * size_of::<SharedVertex>())) as u64;
+}
+
 impl Usage {
-    /// Reads every face once.
-    ///
-    /// # Errors
-    /// [`Error::Damaged`] if a face refers to a vertex, texture coordinate or part that does not exist.
-    pub(super) fn sweep(
-        mesh: &StoredMesh,
-        numbering: &[PieceNumbering],
-        part_count: usize,
-        count_shared_corners: bool,
-    ) -> Result<Self> {
-        let shared_count = mesh.shared_count();
-        let mut usage = Self {
+    /// Marks nothing yet, with room for all ids of a mesh.
+    pub(super) fn none(mesh: &StoredMesh, part_count: usize, counts_shared_corners: bool) -> Self {
+        let counted = if counts_shared_corners { mesh.shared_count() as usize } else { 0 };
+        Self {
             vertices: IdSet::new(mesh.vertex_count()),
             texcoords: IdSet::new(mesh.texcoord_count()),
             faces_per_part: vec![0; part_count].into(),
-            corners_per_shared: vec![0; if count_shared_corners { shared_count as usize } else { 0 }].into(),
-        };
-        let mut reader = FaceReader::default();
-        for (piece, ids) in mesh.pieces.iter().zip(numbering) {
-            let vertex_limit = u64::from(ids.own) + shared_count;
-            let texcoord_limit = piece.texcoords.len();
-            reader.each_block(piece, |faces| {
-                for face in faces {
-                    let vertices_exist = face.vertices.iter().all(|&v| u64::from(v.number()) < vertex_limit);
-                    let texcoords_exist = face.named_texcoords().all(|t| u64::from(t.number()) < texcoord_limit);
-                    let part = usage.faces_per_part.get_mut(face.part);
-                    let Some(part) = part.filter(|_| vertices_exist && texcoords_exist) else {
-                        let message = format!("a face names what the mesh does not have: {face:?}");
-                        return Err(Error::Damaged { path: piece.faces.path().to_owned(), message });
-                    };
-                    *part += 1;
-                    if count_shared_corners {
-                        for vertex in face.vertices.into_iter().filter_map(|v| v.shared(ids.own)) {
-                            usage.corners_per_shared[vertex] += 1;
-                        }
-                    }
-                    let face = ids.globalise(face);
-                    face.vertices.into_iter().for_each(|v| usage.vertices.insert(v));
-                    face.named_texcoords().for_each(|t| usage.texcoords.insert(t));
-                }
-                Ok(())
-            })?;
+            corners_per_shared: vec![0; counted].into(),
         }
-        usage.vertices.rank_members();
-        usage.texcoords.rank_members();
-        Ok(usage)
+    }
+
+    /// Reads every face once, within `memory_bytes` of memory.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] if a face refers to a vertex, texture coordinate or part that does not exist.
+    pub(super) fn sweep(mut self, mesh: &StoredMesh, numbering: &[PieceNumbering], memory_bytes: u64) -> Result<Self> {
+        let Self { vertices, texcoords, faces_per_part, corners_per_shared } = &mut self;
+        let counts_corners = !corners_per_shared.is_empty();
+        let part_count = faces_per_part.len();
+        let (vertices_used, texcoords_used) = (&*vertices, &*texcoords);
+        let mark = |run: FaceRun<'_>| {
+            check_ids(mesh, &run, part_count)?;
+            let FaceRun { ids, faces, .. } = run;
+            for face in faces.iter().map(|face| ids.globalise(face)) {
+                face.vertices.into_iter().for_each(|v| vertices_used.insert(v));
+                face.named_texcoords().for_each(|t| texcoords_used.insert(t));
+            }
+            let of_part = |run: &[Face<PieceVertex>]| (run[0].part, run.len() as u64);
+            let parts = faces.chunk_by(|a, b| a.part == b.part).map(of_part).collect();
+            let corners = faces.iter().filter(|_| counts_corners).flat_map(|face| face.vertices);
+            Ok(BlockCounts { parts, shared: corners.filter_map(|vertex| vertex.shared(ids.own)).collect() })
+        };
+        map_faces(mesh, numbering, memory_bytes, BlockCounts::BYTES_MAX, mark, |counts: BlockCounts| {
+            counts.parts.into_iter().for_each(|(part, faces)| faces_per_part[part] += faces);
+            counts.shared.into_iter().for_each(|vertex| corners_per_shared[vertex] += 1);
+            Ok(())
+        })?;
+        vertices.rank_members();
+        texcoords.rank_members();
+        Ok(self)
     }
 
     /// Reports whether a face has texture coordinates.
@@ -139,6 +155,24 @@ impl Usage {
     pub(super) fn memory_bytes(&self) -> u64 {
         let counts = self.faces_per_part.capacity() + self.corners_per_shared.capacity();
         self.vertices.memory_bytes() + self.texcoords.memory_bytes() + 8 * counts as u64
+    }
+}
+
+/// Refuses faces that refer to a vertex, texture coordinate or part that does not exist.
+fn check_ids(mesh: &StoredMesh, FaceRun { piece, ids, faces }: &FaceRun<'_>, part_count: usize) -> Result<()> {
+    let vertex_limit = u64::from(ids.own) + mesh.shared_count();
+    let texcoord_limit = piece.texcoords.len();
+    let is_wrong = |face: &&Face<PieceVertex>| {
+        face.part.index() >= part_count
+            || face.vertices.iter().any(|&v| u64::from(v.number()) >= vertex_limit)
+            || face.named_texcoords().any(|t| u64::from(t.number()) >= texcoord_limit)
+    };
+    match faces.iter().find(is_wrong) {
+        None => Ok(()),
+        Some(face) => {
+            let message = format!("a face names what the mesh does not have: {face:?}");
+            Err(Error::Damaged { path: piece.faces.path().to_owned(), message })
+        }
     }
 }
 

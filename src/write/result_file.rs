@@ -9,6 +9,8 @@ use crate::os::content::Content;
 use crate::os::durable::DurableFile;
 
 const FILE_BUFFER_BYTES: usize = 64 << 10;
+/// Bytes after which those before are synced beside what follows.
+const SYNC_BYTES: u64 = 16 << 20;
 
 /// Counts of what a format cannot hold as it was.
 #[derive(Debug, Default)]
@@ -55,9 +57,11 @@ impl ResultFile {
     /// # Errors
     /// On a full disk or a failed write.
     pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        let before = self.bytes;
         self.bytes += bytes.len() as u64;
         self.hash.update(bytes);
-        self.file.write(bytes)
+        self.file.write(bytes)?;
+        if before / SYNC_BYTES < self.bytes / SYNC_BYTES { self.file.sync_ahead() } else { Ok(()) }
     }
 
     /// Syncs the file under its temporary name; returns its content.

@@ -22,6 +22,7 @@ use std::path::Path;
 use super::number::{put_f32, put_f64, put_four_decimals, put_u32};
 use crate::base::Result;
 use crate::base::ordered::map_within;
+use crate::file::packed::BLOCK_RECORDS;
 use crate::file::{PackedColumn, Segment};
 use crate::model::Catalogue;
 use crate::model::id::{MeshVertex, NameId, PartId, Texcoord};
@@ -35,9 +36,10 @@ use crate::write::sink::{CornerForm, ResultMesh};
 use glam::{DVec2, DVec3};
 
 /// Number of lines formatted at once.
-const BLOCK_LINES: u64 = 16 << 10;
-/// Largest size of a block of lines in bytes: six numbers of 25 characters, and the records.
-const LINES_BYTES: u64 = BLOCK_LINES * (6 * 25 + 36);
+const BLOCK_LINES: u64 = 4 << 10;
+/// Largest size of a block of lines in bytes: six numbers of 25 characters, and the records. A column is read by whole
+/// blocks.
+const LINES_BYTES: u64 = (BLOCK_LINES + BLOCK_RECORDS as u64) * (6 * 25 + 36);
 
 /// The text of an OBJ being written.
 #[derive(Debug)]
