@@ -109,7 +109,7 @@ impl DurableFile {
     /// Waits for a sync that goes on. NOTE: the system tells a failed sync once, so its outcome may not be lost.
     fn wait_for_sync(&mut self) -> Result<()> {
         let lost = |_| Error::Damaged { path: self.target.clone(), message: "a sync ended without an outcome".into() };
-        self.ahead.take().map_or(Ok(()), |thread| thread.join().map_err(lost).flatten())
+        self.ahead.take().map_or(Ok(()), |thread| thread.join().map_err(lost)?)
     }
 
     /// Flushes appended bytes, then overwrites bytes at an offset.
@@ -393,6 +393,33 @@ mod tests {
         }
     }
 
+    #[test]
+    fn what_is_synced_ahead_is_sealed_as_well() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        let mut file = DurableFile::create(&path, 16).unwrap();
+        for _ in 0..3 {
+            file.write(&[7; 40]).unwrap();
+            file.sync_ahead().unwrap();
+        }
+        file.commit().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), [7; 120]);
+        assert!(witness::take().iter().any(|&(what, _)| what == "rename"));
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_sync_that_failed_ahead_is_told() {
+        let null = OpenOptions::new().write(true).open("/dev/null").unwrap();
+        let writer = Some(BufWriter::with_capacity(8192, null));
+        let [temporary, target] = ["nowhere/a.tmp", "nowhere/a"].map(PathBuf::from);
+        let mut file = DurableFile { writer, temporary, target, is_sealed: false, ahead: None };
+        file.sync_ahead().unwrap();
+        let told = file.wait_for_sync().unwrap_err();
+        assert!(matches!(told, Error::Io { .. }), "{told}");
+        assert!(file.wait_for_sync().is_ok());
+    }
+
     #[cfg(target_os = "linux")]
     #[test]
     fn a_full_disk_is_told_with_what_is_missing() {
@@ -400,7 +427,7 @@ mod tests {
             let full = OpenOptions::new().read(true).write(true).open("/dev/full").unwrap();
             let writer = Some(BufWriter::with_capacity(8192, full));
             let [temporary, target] = ["nowhere/a.tmp", "nowhere/a"].map(PathBuf::from);
-            let mut file = DurableFile { writer, temporary, target, is_sealed: false };
+            let mut file = DurableFile { writer, temporary, target, is_sealed: false, ahead: None };
             file.write(&[7; 5120]).unwrap();
             match change(&mut file) {
                 Err(Error::NoSpace { path, message }) => {

@@ -114,6 +114,7 @@ mod tests {
             target,
             cluster_faces: 50_000,
             remesh: None,
+            is_textured: true,
             is_bounded: false,
             metric_face_bytes: 0,
         };

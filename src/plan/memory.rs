@@ -63,6 +63,8 @@ pub struct Sizes {
     pub cluster_faces: u64,
     /// Settings of the remeshing, if there is one.
     pub remesh: Option<cvd::CvdSettings>,
+    /// Whether faces have texture coordinates.
+    pub is_textured: bool,
     /// Whether the distance from the input is bounded.
     pub is_bounded: bool,
     /// Bytes that the metric keeps for an ordinary face, beyond those of every cluster.
@@ -70,7 +72,7 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// The sizes of a run on `faces` faces and `vertices` vertices.
+    /// The sizes of a run on `faces` faces and `vertices` vertices, with texture coordinates.
     pub fn of(faces: u64, vertices: u64, options: &SimplifyOptions) -> Self {
         Self {
             faces,
@@ -78,6 +80,7 @@ impl Sizes {
             target: options.most_faces(faces),
             cluster_faces: options.cluster_faces,
             remesh: options.remesh,
+            is_textured: true,
             is_bounded: options.target.max_error.is_some(),
             // Settings that a metric does not have are refused before planning.
             metric_face_bytes: options.cost(true).map_or(0, |cost| cost.extra_face_bytes()),
@@ -204,6 +207,7 @@ mod tests {
         target: 431_334,
         cluster_faces: 250_000,
         remesh: None,
+        is_textured: true,
         is_bounded: false,
         metric_face_bytes: 0,
     };

@@ -146,7 +146,8 @@ pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: 
     let (counts, boxes) = read::count(&inputs, threads, sample.as_mut(), progress)?;
     read::note_twin_boxes(&inputs, &boxes, &mut findings);
     let target = options.most_faces(counts.triangles);
-    let sizes = Sizes::of(counts.triangles, counts.vertices, options);
+    let of = Sizes::of(counts.triangles, counts.vertices, options);
+    let sizes = Sizes { is_textured: counts.texcoords > 0, ..of };
     let passes = passes::forecast(&sizes, options.pass_count(counts.triangles));
     let bake = sample.and_then(|sample| {
         let task = BakeTask { faces: counts.triangles, target, threads, work_bytes: budget.for_work() };

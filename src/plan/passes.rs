@@ -23,6 +23,9 @@ pub struct PassForecast {
     pub is_trim: bool,
     /// Whether it remeshes.
     pub is_remesh: bool,
+    /// Whether faces have texture coordinates.
+    #[serde(skip)]
+    pub is_textured: bool,
 }
 
 /// Faces after remeshing for each face before; measured on photogrammetry.
@@ -30,7 +33,7 @@ const REMESH_FACES: f64 = 1.1;
 
 /// Predicts the passes of a run; `passes` is the number asked for.
 pub fn forecast(sizes: &Sizes, passes: usize) -> Vec<PassForecast> {
-    let &Sizes { faces: input, target, cluster_faces, .. } = sizes;
+    let &Sizes { faces: input, target, cluster_faces, is_textured, .. } = sizes;
     let mut found = Vec::new();
     let mut faces = input;
     if let Some(remesh) = sizes.remesh {
@@ -39,7 +42,14 @@ pub fn forecast(sizes: &Sizes, passes: usize) -> Vec<PassForecast> {
         let faces_out = if has_cells { target } else { (input as f64 * REMESH_FACES) as u64 };
         let count = if has_cells && clusters > 1 { CELL_PASSES } else { 1 };
         for _ in 0..count {
-            found.push(PassForecast { clusters, faces_in: faces, faces_out, is_trim: false, is_remesh: true });
+            found.push(PassForecast {
+                clusters,
+                faces_in: faces,
+                faces_out,
+                is_trim: false,
+                is_remesh: true,
+                is_textured,
+            });
             faces = faces_out;
         }
         if has_cells {
@@ -53,12 +63,26 @@ pub fn forecast(sizes: &Sizes, passes: usize) -> Vec<PassForecast> {
         let wanted = pass_target(input, target, pass, passes).round() as u64;
         let left = if is_last && clusters > 1 { (target as f64 * (1.0 + TRIM_SHARE)) as u64 } else { wanted };
         let faces_out = left.min(faces);
-        found.push(PassForecast { clusters, faces_in: faces, faces_out, is_trim: false, is_remesh: false });
+        found.push(PassForecast {
+            clusters,
+            faces_in: faces,
+            faces_out,
+            is_trim: false,
+            is_remesh: false,
+            is_textured,
+        });
         faces = faces_out;
     }
     if faces > target {
         let clusters = expected_count(faces, cluster_faces, lead + passes);
-        found.push(PassForecast { clusters, faces_in: faces, faces_out: target, is_trim: true, is_remesh: false });
+        found.push(PassForecast {
+            clusters,
+            faces_in: faces,
+            faces_out: target,
+            is_trim: true,
+            is_remesh: false,
+            is_textured,
+        });
     }
     found
 }
@@ -70,7 +94,17 @@ mod tests {
 
     fn sizes(faces: u64, target: u64) -> Sizes {
         let vertices = faces / 2;
-        Sizes { faces, vertices, target, cluster_faces: 50_000, remesh: None, is_bounded: false, metric_face_bytes: 0 }
+        let cluster_faces = 50_000;
+        Sizes {
+            faces,
+            vertices,
+            target,
+            cluster_faces,
+            remesh: None,
+            is_textured: true,
+            is_bounded: false,
+            metric_face_bytes: 0,
+        }
     }
 
     #[test]

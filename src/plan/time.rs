@@ -1,8 +1,8 @@
 //! Predicts the time of a run, from measured rates.
 //!
-//! Rates are for one core of a 2.x GHz server processor, from the processor time of a synthetic city of 4.3 million
-//! triangles at 10 % on 2026-11-21 (10.1 s, by phase). The constant time of a pass was measured on small meshes.
-//! Another machine may be twice as fast or half as fast.
+//! Rates are for one core of a 2.x GHz server processor, measured on one thread on 2026-11-28 with a synthetic city of
+//! 4.3 million triangles at 10 % and 2 %, with and without texture coordinates. Photogrammetry with many small charts
+//! may take twice as long; so may another machine, or half as long.
 
 use serde::Serialize;
 
@@ -10,25 +10,36 @@ use super::passes::PassForecast;
 use crate::passes::sample::{Purpose, sample_faces};
 
 /// Bytes of OBJ text scanned in a second by one core.
-const SCAN_BYTES_PER_SECOND: f64 = 398e6;
+const SCAN_BYTES_PER_SECOND: f64 = 300e6;
 /// Faces partitioned into clusters in a second by one core.
-const PARTITION_FACES_PER_SECOND: f64 = 5.9e6;
-/// Faces of the first pass, with seams locked, in a second by one core.
-const FIRST_FACES_PER_SECOND: f64 = 1.12e6;
-/// Faces of the later passes in a second by one core.
-const LATER_FACES_PER_SECOND: f64 = 790e3;
-/// Faces of the trim in a second by one core.
-const TRIM_FACES_PER_SECOND: f64 = 1.4e6;
+const PARTITION_FACES_PER_SECOND: f64 = 3.5e6;
+/// Of faces without texture coordinates.
+const BARE: CollapseRates = CollapseRates { first: 550e3, later: 430e3, trim: 1.2e6 };
+/// Of faces with texture coordinates.
+const TEXTURED: CollapseRates = CollapseRates { first: 450e3, later: 220e3, trim: 650e3 };
 /// Faces of the pass that remeshes, its two looks at the mesh included, in a second by one core.
 const REMESH_FACES_PER_SECOND: f64 = 120e3;
-/// Faces written in a second.
-const WRITE_FACES_PER_SECOND: f64 = 3.2e6;
+/// Faces written in a second by one core.
+const WRITE_FACES_PER_SECOND: f64 = 2.4e6;
+/// Faces written in a second, however many cores format them: one thread puts their text into the file.
+const WRITE_FACES_PER_SECOND_MAX: f64 = 7.8e6;
 /// Seconds that a partition waits for the disk.
 const CUT_SECONDS: f64 = 0.05;
 /// Seconds that the result waits for the disk.
 const WRITE_SECONDS: f64 = 0.04;
 /// Useful share of each further thread's time: clusters end at different times, and some steps run in order.
 const THREAD_SHARE: f64 = 0.85;
+
+/// Faces of a pass that one core simplifies in a second.
+#[derive(Debug, Clone, Copy)]
+struct CollapseRates {
+    /// In the first pass, with seams locked.
+    first: f64,
+    /// In the later ones.
+    later: f64,
+    /// In the trim.
+    trim: f64,
+}
 
 /// Predicted time by phase, in seconds.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -73,11 +84,18 @@ pub(super) fn cluster_seconds(passes: &[PassForecast], threads: usize, machines:
 /// Faces of a pass that one core simplifies in a second.
 fn rate_of(passes: &[PassForecast], number: usize) -> f64 {
     let pass = &passes[number];
+    let rates = pass.collapse_rates();
     match is_first(passes, number) {
         _ if pass.is_remesh => REMESH_FACES_PER_SECOND,
-        _ if pass.is_trim => TRIM_FACES_PER_SECOND,
-        true => FIRST_FACES_PER_SECOND,
-        false => LATER_FACES_PER_SECOND,
+        _ if pass.is_trim => rates.trim,
+        true => rates.first,
+        false => rates.later,
+    }
+}
+
+impl PassForecast {
+    fn collapse_rates(&self) -> CollapseRates {
+        if self.is_textured { TEXTURED } else { BARE }
     }
 }
 
@@ -100,10 +118,11 @@ pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads:
             let share = if is_first(passes, number) { 0.5 } else { 1.0 };
             let is_last = passes.get(number + 1).is_none_or(|next| next.is_trim);
             let purpose = Purpose { left: target as f64 / faces.max(1.0), is_last };
-            simplify += share * sample_faces(pass.faces_in, purpose) as f64 / LATER_FACES_PER_SECOND;
+            simplify += share * sample_faces(pass.faces_in, purpose) as f64 / pass.collapse_rates().later;
         }
     }
-    let write = WRITE_SECONDS + target as f64 / WRITE_FACES_PER_SECOND;
+    let write_rate = (WRITE_FACES_PER_SECOND * speed_up(u64::MAX)).min(WRITE_FACES_PER_SECOND_MAX);
+    let write = WRITE_SECONDS + target as f64 / write_rate;
     TimeForecast { total: scan + partition + simplify + write, scan, partition, simplify, bake: 0.0, write }
 }
 
@@ -121,6 +140,7 @@ mod tests {
             target,
             cluster_faces: 250_000,
             remesh: None,
+            is_textured: true,
             is_bounded: false,
             metric_face_bytes: 0,
         };
