@@ -4,6 +4,7 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 
+use super::holder::{HOLDER, HOLDER_WRITTEN, is_line_at};
 use super::journal::JOURNAL;
 use super::lock_file::{LOCK, is_locked};
 use super::manifest::{MANIFEST, MANIFEST_BYTES_MAX};
@@ -32,6 +33,7 @@ pub(super) fn refuse_foreign(path: &Path) -> Result<()> {
         let name = entry.file_name();
         let name = name.to_string_lossy();
         let is_own = match &*name {
+            HOLDER | HOLDER_WRITTEN => is_line_at(&entry.path()),
             LOCK => entry.metadata().is_ok_and(|meta| meta.len() == 0),
             // Left by a process that was killed at its start; contains zeros after a power cut.
             "manifest.bin.tmp" => is_job || Header::is_at(&entry.path()) || is_all_zero(&entry.path()),

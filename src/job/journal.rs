@@ -15,11 +15,13 @@
 use std::fs::{File, OpenOptions};
 use std::io::{BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
+use super::holder::Seat;
 use super::step::StepRecord;
 use crate::base::{Error, Result};
 use crate::file::codec;
@@ -71,6 +73,8 @@ pub(super) struct Journal {
     end: u64,
     synced: Instant,
     is_dirty: bool,
+    /// What must still be so for an entry to be appended.
+    seat: Option<Arc<Seat>>,
 }
 
 impl Journal {
@@ -100,17 +104,25 @@ impl Journal {
         }
         let mut options = OpenOptions::new();
         let file = no_links(options.write(true)).open(path).map_err(|e| Error::io(path, "open", e))?;
-        let mut journal = Self { path: path.to_owned(), file, end, synced: Instant::now(), is_dirty: false };
+        let mut journal =
+            Self { path: path.to_owned(), file, end, synced: Instant::now(), is_dirty: false, seat: None };
         let length = journal.file.metadata().map_err(|e| Error::io(path, "open", e))?.len();
         journal.cut()?;
         Ok((journal, entries, length.saturating_sub(end), is_spoilt))
     }
 
+    /// The journal of a process that works in the folder.
+    pub(super) fn of_holder(self, seat: Arc<Seat>) -> Self {
+        Self { seat: Some(seat), ..self }
+    }
+
     /// Appends an entry.
     ///
     /// # Errors
-    /// On a full disk or a failed write; the partial entry is removed again.
+    /// [`Error::Locked`] if another process has taken the folder over. On a full disk or a failed write; the partial entry
+    /// is removed again.
     pub(super) fn append(&mut self, entry: &Entry) -> Result<()> {
+        self.seat.iter().try_for_each(|seat| seat.confirm())?;
         let damaged = |message| Error::Damaged { path: self.path.clone(), message };
         let payload = codec::encode(entry).map_err(damaged)?;
         let length = u32::try_from(payload.len()).ok().filter(|length| *length <= ENTRY_BYTES_MAX);

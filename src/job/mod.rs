@@ -12,11 +12,12 @@
 //! Between two phases, keep and retain run together, in the background ([`WorkFolder::supersede`]).
 //!
 //! # Files
-//! `manifest.bin`, `journal.bin`, `lock`, the values of steps (`*.state`), and the files of the phases. A folder with
+//! `manifest.bin`, `journal.bin`, `lock`, `holder`, the values of steps (`*.state`), and the files of the phases. A folder with
 //! foreign files is never used, nor one with files but no manifest of ours, so no file of the user is ever removed.
 
 mod finished;
 mod foreign;
+mod holder;
 mod journal;
 mod lock_file;
 mod manifest;
@@ -41,6 +42,7 @@ use serde::Serialize;
 
 use self::finished::{Finished, append, sync};
 use self::foreign::entries;
+use self::holder::Holder;
 pub use self::journal::Entry;
 use self::journal::{Journal, now};
 use self::lock_file::LOCK;
@@ -79,6 +81,7 @@ pub enum Resume {
 pub struct WorkFolder {
     path: PathBuf,
     is_ours: bool,
+    holder: Option<Holder>,
     lock: Option<File>,
     resume: Resume,
     steps: Arc<Mutex<RecordedSteps>>,
@@ -283,6 +286,11 @@ impl WorkFolder {
         Ok(value)
     }
 
+    /// Whether another process has taken this one for dead, and the folder with it.
+    pub fn is_taken_over(&self) -> bool {
+        self.holder.as_ref().is_some_and(Holder::is_lost)
+    }
+
     /// Records why the process ends early, on a best-effort basis.
     pub fn note_failure(&self, error: &Error) {
         let _ = self.wait_until_durable();
@@ -345,7 +353,12 @@ impl WorkFolder {
     fn remove(&mut self) {
         let _ = self.wait_until_durable();
         *lock(&self.journal) = None;
+        // Another process may have taken this one for dead.
+        if self.is_taken_over() {
+            return;
+        }
         let _ = self.clear();
+        self.holder = None;
         let _ = fs::remove_file(self.path.join(LOCK));
         self.lock = None;
         if self.is_ours {

@@ -8,6 +8,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 use super::foreign::refuse_foreign;
+use super::holder::Holder;
 use super::journal::{self, Entry, JOURNAL, Journal, now};
 use super::lock_file::lock_folder;
 use super::manifest::{AFRESH, MANIFEST, Manifest};
@@ -15,7 +16,7 @@ use super::stage::remove_stages;
 use super::steps::RecordedSteps;
 use super::{Resume, WorkFolder, remove_files};
 use crate::base::error::escape_path;
-use crate::base::{Error, Result, lock};
+use crate::base::{Error, Progress, Result, Silent, lock};
 use crate::file::header::HEADER_BYTES;
 use crate::os::durable::{new_job_number, no_links, sync_file, sync_folder};
 
@@ -28,6 +29,14 @@ impl WorkFolder {
     /// [`Error::Damaged`] if its manifest is damaged or, under [`Resume::Require`], its manifest or journal is missing
     /// or damaged.
     pub fn open(path: &Path, manifest: &Manifest, resume: Resume) -> Result<Self> {
+        Self::open_watched(path, manifest, resume, &Silent)
+    }
+
+    /// As [`open`](WorkFolder::open), and tells if it has to wait, which a stop ends.
+    ///
+    /// # Errors
+    /// Those of [`open`](WorkFolder::open), and [`Error::Stopped`].
+    pub fn open_watched(path: &Path, manifest: &Manifest, resume: Resume, progress: &dyn Progress) -> Result<Self> {
         let is_new = !path.exists();
         if is_new && resume == Resume::Require {
             return Err(nothing_in(path, "is not there"));
@@ -39,6 +48,7 @@ impl WorkFolder {
             path: path.to_owned(),
             is_ours: is_new || manifest.owns_folder,
             lock: Some(lock_folder(path)?),
+            holder: None,
             resume,
             steps: Arc::default(),
             journal: Arc::default(),
@@ -49,6 +59,9 @@ impl WorkFolder {
             number: new_job_number(path),
             lending: None,
         };
+        let holder = Holder::claim(path, progress)?;
+        let seat = holder.seat();
+        folder.holder = Some(holder);
         let earlier = match resume {
             Resume::Never => {
                 folder.remember_outside();
@@ -60,13 +73,14 @@ impl WorkFolder {
             }
             Resume::Auto | Resume::Require => folder.take_over(manifest)?,
         };
-        let mut journal = match earlier {
+        let journal = match earlier {
             Some(journal) => journal,
             None => {
                 folder.holds_steps = AtomicBool::new(false);
                 folder.begin(manifest)?
             }
         };
+        let mut journal = journal.of_holder(seat);
         folder.holds_steps = AtomicBool::new(folder.is_resumed);
         journal.append(&Entry::Began { time: now() })?;
         if resume == Resume::Never {
@@ -184,7 +198,9 @@ impl WorkFolder {
         self.steps = Arc::default();
         self.is_resumed = false;
         self.holds_steps = AtomicBool::new(false);
-        *lock(&self.journal) = Some(self.begin(manifest)?);
+        let seat = self.holder.as_ref().map(Holder::seat);
+        let journal = self.begin(manifest)?;
+        *lock(&self.journal) = Some(seat.into_iter().fold(journal, Journal::of_holder));
         Ok(())
     }
 

@@ -418,7 +418,7 @@ fn a_job_that_begins_afresh_leaves_nothing_of_the_one_before() {
     job.restart(&manifest()).unwrap();
     let mut names: Vec<_> = fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     names.sort();
-    assert_eq!(names, [JOURNAL, LOCK, MANIFEST]);
+    assert_eq!(names, [holder::HOLDER, JOURNAL, LOCK, MANIFEST]);
 }
 
 /// If the manifest were removed before other files, or files before the journal that lists them, a power cut would

@@ -44,7 +44,7 @@ pub fn bake_onto(
     choice.paths.push(mesh.to_owned());
     let preflight = Preflight::check(choice, output, &options)?;
     let number = number_of(mesh, &preflight.inputs)?;
-    preflight.run(|work| run(&preflight, number, work, progress))
+    preflight.run(progress, |work| run(&preflight, number, work, progress))
 }
 
 /// Number of a file among several.

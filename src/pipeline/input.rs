@@ -13,7 +13,7 @@ use super::damage::report_damage;
 use super::lend_scan::lend_files;
 use super::original::has_original;
 use super::preflight::Preflight;
-use super::requirements::{COUNT_LIMIT, Requirements};
+use super::requirements::Requirements;
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Progress, Result, counted};
 use crate::job::{Recalled, Step, WorkFolder, folder_bytes};
@@ -23,7 +23,7 @@ use crate::options::{Pieces, TextureFiles};
 use crate::passes::ResumePoint;
 use crate::plan::memory;
 use crate::read::fingerprint::{self, Contents, Source};
-use crate::read::{self, INPUT, SCAN, Scan, ScanOptions, ScannedFile};
+use crate::read::{self, COUNT_LIMIT, INPUT, SCAN, Scan, ScanOptions, ScannedFile};
 use crate::write::{self, NamedTexture, Sources, Staged};
 
 /// Catalogue, counts and source files of the input: everything but geometry.

@@ -92,7 +92,7 @@ pub fn simplify_and(
 ) -> Result<Report> {
     let job = Preflight::check(input.into(), output, options)?;
     let recorder = Recorder::start(progress);
-    job.run(|work| {
+    job.run(progress, |work| {
         let report = run(&job, work, &recorder)?;
         let report = Report { timeline: recorder.finish(), ..report };
         then(&report, work.number())?;

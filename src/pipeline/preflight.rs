@@ -6,7 +6,7 @@ use std::time::SystemTime;
 
 use super::paths::{self, OutputKind};
 use crate::base::pool::Pool;
-use crate::base::{Findings, MemoryBudget, Result};
+use crate::base::{Error, Findings, MemoryBudget, Progress, Result};
 use crate::job::stage::Lending;
 use crate::job::{InputFile, Manifest, WorkFolder, folder_bytes};
 use crate::options::{ResumeChoice, SimplifyOptions, TexturesOutside};
@@ -102,17 +102,20 @@ impl<'a> Preflight<'a> {
     /// Opens the work folder, does the work on the job's threads, and ends the job: what failed can be resumed.
     ///
     /// # Errors
-    /// Those of [`WorkFolder::open`], [`WorkFolder::finish`] and `work`.
-    pub fn run<T>(&self, work: impl FnOnce(&mut WorkFolder) -> Result<T>) -> Result<T> {
+    /// Those of [`WorkFolder::open_watched`], [`WorkFolder::finish`] and `work`.
+    pub fn run<T>(&self, progress: &dyn Progress, work: impl FnOnce(&mut WorkFolder) -> Result<T>) -> Result<T> {
         let pool = if self.options.job.no_sync { Pool::without_sync } else { Pool::new };
         let _threads = pool(self.threads)?.enter();
-        let mut folder = WorkFolder::open(&self.work_path, &self.manifest, self.options.job.resume.into())?;
+        let resume = self.options.job.resume.into();
+        let mut folder = WorkFolder::open_watched(&self.work_path, &self.manifest, resume, progress)?;
         if let Some(lending) = self.lending.clone() {
             folder.lend_tasks(lending);
         }
         let outcome = work(&mut folder);
         match &outcome {
             Ok(_) => folder.finish(self.options.job.keep_work)?,
+            // Its files went, or changed, under its hands.
+            Err(_) if folder.is_taken_over() => return Err(Error::Locked(self.work_path.clone())),
             Err(error) => folder.note_failure(error),
         }
         outcome

@@ -18,12 +18,10 @@ use crate::options::SimplifyOptions;
 use crate::os::system;
 use crate::plan::memory::heaviest_bytes;
 use crate::plan::scratch::{self, FirstPass};
+use crate::read::COUNT_LIMIT;
 
 /// Bits for each vertex in the set of shared vertices, with its ranks.
 const VERTEX_BITS: u64 = 9;
-
-/// Upper limit for counts of faces and bytes; no mesh has as many.
-pub(super) const COUNT_LIMIT: u64 = 1 << 48;
 
 /// Sizes of the mesh.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]

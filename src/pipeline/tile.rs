@@ -45,7 +45,7 @@ pub fn tile(
     let frame = earth_frame(options, &job.inputs)?;
     let place = frame.as_ref().map(|frame| frame.origin).or(options.origin);
     job.mover = frame.map(|frame| Box::new(frame) as Box<dyn MovePositions>);
-    let report = job.run(|work| run(&job, options, place, work, progress))?;
+    let report = job.run(progress, |work| run(&job, options, place, work, progress))?;
     Ok(TileReport { seconds: started.elapsed().as_secs_f64(), ..report })
 }
 

@@ -1,7 +1,7 @@
 //! Predicts the time of a run, from measured rates.
 //!
 //! Rates are for one core of a 2.x GHz server processor, measured on one thread on 2026-11-28 with a synthetic city of
-//! 4.3 million triangles at 10 % and 2 %, with and without texture coordinates. Photogrammetry with many small charts
+//! 4.3 million triangles at 90, 10 and 2 %, with and without texture coordinates. Photogrammetry with many small charts
 //! may take twice as long; so may another machine, or half as long.
 
 use serde::Serialize;
@@ -14,9 +14,9 @@ const SCAN_BYTES_PER_SECOND: f64 = 300e6;
 /// Faces partitioned into clusters in a second by one core.
 const PARTITION_FACES_PER_SECOND: f64 = 3.5e6;
 /// Of faces without texture coordinates.
-const BARE: CollapseRates = CollapseRates { first: 550e3, later: 430e3, trim: 1.2e6 };
+const BARE: FaceSeconds = FaceSeconds { held: 0.9e-6, removed_first: 1.7e-6, removed_later: 2.7e-6 };
 /// Of faces with texture coordinates.
-const TEXTURED: CollapseRates = CollapseRates { first: 450e3, later: 220e3, trim: 650e3 };
+const TEXTURED: FaceSeconds = FaceSeconds { held: 1.1e-6, removed_first: 2.0e-6, removed_later: 4.5e-6 };
 /// Faces of the pass that remeshes, its two looks at the mesh included, in a second by one core.
 const REMESH_FACES_PER_SECOND: f64 = 120e3;
 /// Faces written in a second by one core.
@@ -30,15 +30,15 @@ const WRITE_SECONDS: f64 = 0.04;
 /// Useful share of each further thread's time: clusters end at different times, and some steps run in order.
 const THREAD_SHARE: f64 = 0.85;
 
-/// Faces of a pass that one core simplifies in a second.
+/// Seconds of one core for a face of a pass.
 #[derive(Debug, Clone, Copy)]
-struct CollapseRates {
-    /// In the first pass, with seams locked.
-    first: f64,
-    /// In the later ones.
-    later: f64,
-    /// In the trim.
-    trim: f64,
+struct FaceSeconds {
+    /// Loaded, with the costs of its edges, and stored.
+    held: f64,
+    /// Removed in the first pass, with seams locked.
+    removed_first: f64,
+    /// Removed in a later one, where faces are large beside the detail.
+    removed_later: f64,
 }
 
 /// Predicted time by phase, in seconds.
@@ -76,25 +76,24 @@ pub(super) fn cluster_seconds(passes: &[PassForecast], threads: usize, machines:
     let of_pass = |(number, pass): (usize, &PassForecast)| {
         let machines = u64::from(machines).clamp(1, pass.clusters.max(1));
         let of_each = pass.clusters.div_ceil(machines);
-        pass.faces_in as f64 / rate_of(passes, number) / speed_up(threads, of_each) / machines as f64
+        core_seconds(passes, number) / speed_up(threads, of_each) / machines as f64
     };
     passes.iter().enumerate().map(of_pass).sum()
 }
 
-/// Faces of a pass that one core simplifies in a second.
-fn rate_of(passes: &[PassForecast], number: usize) -> f64 {
+/// Seconds in which one core simplifies the clusters of a pass.
+fn core_seconds(passes: &[PassForecast], number: usize) -> f64 {
     let pass = &passes[number];
-    let rates = pass.collapse_rates();
-    match is_first(passes, number) {
-        _ if pass.is_remesh => REMESH_FACES_PER_SECOND,
-        _ if pass.is_trim => rates.trim,
-        true => rates.first,
-        false => rates.later,
+    let (faces, seconds) = (pass.faces_in as f64, pass.face_seconds());
+    if pass.is_remesh {
+        return faces / REMESH_FACES_PER_SECOND;
     }
+    let removed = if is_first(passes, number) { seconds.removed_first } else { seconds.removed_later };
+    faces * seconds.held + pass.faces_in.saturating_sub(pass.faces_out) as f64 * removed
 }
 
 impl PassForecast {
-    fn collapse_rates(&self) -> CollapseRates {
+    fn face_seconds(&self) -> FaceSeconds {
         if self.is_textured { TEXTURED } else { BARE }
     }
 }
@@ -117,8 +116,9 @@ pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads:
             // pass.
             let share = if is_first(passes, number) { 0.5 } else { 1.0 };
             let is_last = passes.get(number + 1).is_none_or(|next| next.is_trim);
+            let seconds = pass.face_seconds();
             let purpose = Purpose { left: target as f64 / faces.max(1.0), is_last };
-            simplify += share * sample_faces(pass.faces_in, purpose) as f64 / pass.collapse_rates().later;
+            simplify += share * sample_faces(pass.faces_in, purpose) as f64 * (seconds.held + seconds.removed_later);
         }
     }
     let write_rate = (WRITE_FACES_PER_SECOND * speed_up(u64::MAX)).min(WRITE_FACES_PER_SECOND_MAX);

@@ -16,8 +16,8 @@ use crate::base::{Allowance, Error, Findings, Progress, Result};
 use crate::job::Recalled;
 use crate::model::Catalogue;
 
-/// No file has as many of anything.
-const COUNT_LIMIT: u64 = 1 << 48;
+/// No input has as many of anything.
+pub const COUNT_LIMIT: u64 = 1 << 48;
 
 /// What a file of the input holds.
 #[derive(Debug, Serialize, Deserialize)]

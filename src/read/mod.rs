@@ -47,7 +47,7 @@ use crate::base::{Allowance, Error, Findings, Progress, Result};
 use crate::job::StepKey;
 use crate::model::{Catalogue, StoredMesh};
 
-pub use self::alone::{ScannedFile, join};
+pub use self::alone::{COUNT_LIMIT, ScannedFile, join};
 pub use self::count::count;
 pub use self::flow::ScanOptions;
 pub use self::inputs::{InputChoice, find_inputs, find_inputs_and_idle};
