@@ -179,6 +179,8 @@ def plan(
     tile: Literal[True],
     tile_faces: int | None = None,
     tile_side: int | None = None,
+    image: str | None = None,
+    compress: Literal["meshopt", "none"] | None = None,
     exclude: str | Sequence[str] = (),
     memory: Size | None = None,
     threads: int | None = None,
@@ -198,7 +200,7 @@ def plan(
 
     Reads the input once and writes nothing. Takes the options of these calls that shape the job.
     """
-    of_kind = {"tile_faces", "tile_side"} if tile else FILE_KEYS | OF_PLAN
+    of_kind = {"tile_faces", "tile_side", "image", "compress"} if tile else FILE_KEYS | OF_PLAN
     refuse_unknown("plan", options, of_kind | {"exclude", "memory", "threads", "work"})
     options = dict(options, exclude=texts(options.get("exclude", ())), work=_path(options.get("work")))
     arguments = ["plan", *(["--tile"] if tile else []), *flags(options), "--", *paths(input)]

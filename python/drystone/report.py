@@ -122,7 +122,7 @@ class Memory(Record):
 
 @dataclass(frozen=True)
 class Bytes(Record):
-    """Bytes read and written."""
+    """Bytes that the process read and wrote during the call."""
 
     input: int
     read: int

@@ -178,9 +178,9 @@ pub struct SimplifyFlags {
     #[arg(value_parser = quantity::parse_whole::<u32>)]
     atlas: u32,
 
-    /// With --textures bake: format of the images: png, jpeg, or jpeg:QUALITY with a quality from 1 to 100
-    #[arg(long, value_name = "FORMAT", default_value_t = ImageFormat::Png, help_heading = heading::TEXTURE, hide_short_help = true)]
-    image: ImageFormat,
+    /// With --textures bake: format of the images: png, jpeg, or jpeg:QUALITY with a quality from 1 to 100 [default: png]
+    #[arg(long, value_name = "FORMAT", help_heading = heading::TEXTURE, hide_short_help = true)]
+    image: Option<ImageFormat>,
 
     /// Weight of texture drift, 0 to 1000; at 1 a metre of drift costs as much as a metre of distance
     #[arg(long, value_name = "WEIGHT", default_value_t = 0.7, allow_negative_numbers = true, help_heading = heading::TEXTURE)]
@@ -229,6 +229,11 @@ pub struct SimplifyFlags {
 }
 
 impl SimplifyFlags {
+    /// Format of the images, if one is given.
+    pub fn image(&self) -> Option<ImageFormat> {
+        self.image
+    }
+
     /// The options that the flags are.
     pub fn options(&self) -> SimplifyOptions {
         let flags = self.clone();
@@ -247,7 +252,7 @@ impl SimplifyFlags {
             textures_outside: flags.textures_outside,
             texels: flags.texels,
             atlas: flags.atlas,
-            image: flags.image,
+            image: flags.image.unwrap_or(ImageFormat::Png),
             uv_weight: flags.uv_weight,
             limits: flags.job.limits(),
             job: flags.job.options(flags.force),

@@ -9,15 +9,16 @@ use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::{tell, told};
 use crate::base::{Error, Progress, Result, bytes, quantity};
-use crate::options::TileOptions;
+use crate::options::{TileCompression, TileOptions};
 use crate::plan::{self, Plan};
 use crate::report;
 
 /// Arguments of `drystone plan`.
 #[derive(Debug, Args)]
 pub struct PlanArguments {
-    /// Plan a pyramid of tiles with JPEG images, as `drystone tile` makes it
-    #[arg(long, conflicts_with_all = ["ratio", "faces", "max_error", "remesh"], help_heading = heading::TARGET)]
+    /// Plan a pyramid of tiles, as `drystone tile` makes it; --image as there
+    #[arg(long, help_heading = heading::TARGET)]
+    #[arg(conflicts_with_all = ["ratio", "faces", "max_error", "remesh", "textures", "texels", "atlas"])]
     tile: bool,
     /// With --tile: triangles of a tile at most, 100 to 1 million
     #[arg(long, value_name = "COUNT", default_value_t = TileOptions::default().tile_faces, requires = "tile")]
@@ -27,6 +28,10 @@ pub struct PlanArguments {
     #[arg(long, value_name = "SIDE", default_value_t = TileOptions::default().tile_side, requires = "tile")]
     #[arg(value_parser = quantity::parse_whole::<u32>, help_heading = heading::TARGET)]
     tile_side: u32,
+    /// With --tile: how vertices and triangles are stored
+    #[arg(long, value_enum, default_value_t = TileOptions::default().compress, value_name = "CODEC", requires = "tile")]
+    #[arg(help_heading = heading::TARGET)]
+    compress: TileCompression,
     /// Predict what this many machines would bring, each with as many threads: docs/guide/machines.md
     #[arg(long, value_name = "COUNT", conflicts_with = "tile", help_heading = heading::JOB)]
     #[arg(value_parser = quantity::parse_whole::<u32>)]
@@ -52,6 +57,8 @@ impl PlanArguments {
         TileOptions {
             tile_faces: self.tile_faces,
             tile_side: self.tile_side,
+            image: self.flags.image().unwrap_or(TileOptions::default().image),
+            compress: self.compress,
             limits: simplify.limits,
             job: simplify.job,
             ..TileOptions::default()

@@ -65,8 +65,10 @@ pub fn run(arguments: &TaskArguments) -> Result<u8> {
     let end = loop {
         match pipeline::do_task(&arguments.stage, index, limits, &*progress) {
             Err(Error::Stopped) => return Ok(goodbye.say()),
-            // On a shared disk, a new file may take time to appear.
-            Ok(TaskEnd::Over) if began.elapsed() < PATIENCE && !progress.is_stopped() => thread::sleep(LOOK_INTERVAL),
+            // On a shared disk, a new file may take time to appear, or to have its size.
+            Ok(TaskEnd::Over) | Err(Error::Io { .. }) if began.elapsed() < PATIENCE && !progress.is_stopped() => {
+                thread::sleep(LOOK_INTERVAL);
+            }
             ended => break ended?,
         }
     };

@@ -142,7 +142,7 @@ fn inspect_in_clusters(
         owns_folder: options.work.is_none(),
         ..Manifest::default()
     };
-    let work = WorkFolder::open(&work_path, &manifest, Resume::Again)?;
+    let work = WorkFolder::open_watched(&work_path, &manifest, Resume::Again, progress)?;
 
     let scan_options = memory::scan_options(budget, threads);
     let Scan { mesh, catalogue, triangles, mut findings, input_bytes, .. } =

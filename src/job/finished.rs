@@ -82,7 +82,7 @@ pub(super) fn sync(journal: &Mutex<Option<Journal>>) -> Result<()> {
 /// Writes a value to its own file.
 pub(super) fn write_value(path: &Path, bytes: &[u8]) -> Result<Stamp> {
     let header = Header { kind: *b"state   ", record_bytes: 0, count: 1, checksum: xxh3_64(bytes) };
-    let mut file = DurableFile::create(path, 64 << 10)?;
+    let mut file = DurableFile::create_shared(path, 64 << 10)?;
     file.write(&header.encode())?;
     file.write(bytes)?;
     file.commit()?;

@@ -4,11 +4,11 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 
-use super::holder::{HOLDER, HOLDER_WRITTEN, is_line_at};
 use super::journal::JOURNAL;
+use super::lease::{LEASE, is_lease_at};
 use super::lock_file::{LOCK, is_locked};
 use super::manifest::{MANIFEST, MANIFEST_BYTES_MAX};
-use super::names::is_phase_file;
+use super::names::{is_phase_file, is_remains};
 use super::stage::is_stage_folder;
 use crate::base::error::escape_path;
 use crate::base::{Error, Result};
@@ -33,13 +33,15 @@ pub(super) fn refuse_foreign(path: &Path) -> Result<()> {
         let name = entry.file_name();
         let name = name.to_string_lossy();
         let is_own = match &*name {
-            HOLDER | HOLDER_WRITTEN => is_line_at(&entry.path()),
+            LEASE => is_lease_at(&entry.path()),
             LOCK => entry.metadata().is_ok_and(|meta| meta.len() == 0),
             // Left by a process that was killed at its start; contains zeros after a power cut.
             "manifest.bin.tmp" => is_job || Header::is_at(&entry.path()) || is_all_zero(&entry.path()),
+            name if is_remains(name) => true,
             name => is_job && ([MANIFEST, JOURNAL, "journal.bin.tmp"].contains(&name) || is_phase_file(name)),
         };
-        let is_stage = || is_job && is_stage_folder(&entry.path());
+        // A late process may have kept one from being removed with its job.
+        let is_stage = || is_stage_folder(&entry.path());
         if !(is_own && entry.file_type().is_ok_and(|kind| kind.is_file()) || is_stage()) {
             // A job may be starting or ending there just now, whose files come and go.
             if is_locked(path) {

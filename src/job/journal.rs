@@ -21,7 +21,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
-use super::holder::Seat;
+use super::lease::LeaseFile;
 use super::step::StepRecord;
 use crate::base::{Error, Result};
 use crate::file::codec;
@@ -73,8 +73,8 @@ pub(super) struct Journal {
     end: u64,
     synced: Instant,
     is_dirty: bool,
-    /// What must still be so for an entry to be appended.
-    seat: Option<Arc<Seat>>,
+    /// The lease that must still be held for an entry to be appended.
+    lease: Option<Arc<LeaseFile>>,
 }
 
 impl Journal {
@@ -105,24 +105,24 @@ impl Journal {
         let mut options = OpenOptions::new();
         let file = no_links(options.write(true)).open(path).map_err(|e| Error::io(path, "open", e))?;
         let mut journal =
-            Self { path: path.to_owned(), file, end, synced: Instant::now(), is_dirty: false, seat: None };
+            Self { path: path.to_owned(), file, end, synced: Instant::now(), is_dirty: false, lease: None };
         let length = journal.file.metadata().map_err(|e| Error::io(path, "open", e))?.len();
         journal.cut()?;
         Ok((journal, entries, length.saturating_sub(end), is_spoilt))
     }
 
-    /// The journal of a process that works in the folder.
-    pub(super) fn of_holder(self, seat: Arc<Seat>) -> Self {
-        Self { seat: Some(seat), ..self }
+    /// The journal of a process that holds a lease.
+    pub(super) fn under(self, lease: Arc<LeaseFile>) -> Self {
+        Self { lease: Some(lease), ..self }
     }
 
     /// Appends an entry.
     ///
     /// # Errors
-    /// [`Error::Locked`] if another process has taken the folder over. On a full disk or a failed write; the partial entry
+    /// Those of [`LeaseFile::confirm`]. On a full disk or a failed write; the partial entry
     /// is removed again.
     pub(super) fn append(&mut self, entry: &Entry) -> Result<()> {
-        self.seat.iter().try_for_each(|seat| seat.confirm())?;
+        self.lease.iter().try_for_each(|lease| lease.confirm())?;
         let damaged = |message| Error::Damaged { path: self.path.clone(), message };
         let payload = codec::encode(entry).map_err(damaged)?;
         let length = u32::try_from(payload.len()).ok().filter(|length| *length <= ENTRY_BYTES_MAX);

@@ -12,13 +12,13 @@
 //! Between two phases, keep and retain run together, in the background ([`WorkFolder::supersede`]).
 //!
 //! # Files
-//! `manifest.bin`, `journal.bin`, `lock`, `holder`, the values of steps (`*.state`), and the files of the phases. A folder with
+//! `manifest.bin`, `journal.bin`, `lock`, `lease`, the values of steps (`*.state`), and the files of the phases. A folder with
 //! foreign files is never used, nor one with files but no manifest of ours, so no file of the user is ever removed.
 
 mod finished;
 mod foreign;
-mod holder;
 mod journal;
+mod lease;
 mod lock_file;
 mod manifest;
 mod names;
@@ -42,9 +42,9 @@ use serde::Serialize;
 
 use self::finished::{Finished, append, sync};
 use self::foreign::entries;
-use self::holder::Holder;
 pub use self::journal::Entry;
 use self::journal::{Journal, now};
+use self::lease::Lease;
 use self::lock_file::LOCK;
 pub use self::manifest::{InputFile, Manifest};
 use self::names::is_phase_file;
@@ -81,7 +81,7 @@ pub enum Resume {
 pub struct WorkFolder {
     path: PathBuf,
     is_ours: bool,
-    holder: Option<Holder>,
+    lease: Option<Lease>,
     lock: Option<File>,
     resume: Resume,
     steps: Arc<Mutex<RecordedSteps>>,
@@ -234,15 +234,18 @@ impl WorkFolder {
         let key = step.key.clone();
         let finished = Finished::new(&self.path, step, files, value, &self.steps)?;
         let (wanted, names) = self.want_only(&[&[key], others].concat());
+        self.confirm()?;
         // Files of void records must go first: this process writes files with the same names. All others can be removed
         // in the background, since they are listed here.
         remove_files(&self.left_of_void_records(&names)?)?;
         let superseded = self.all_but(&names)?;
         let journal = Arc::clone(&self.journal);
+        let lease = self.lease.as_ref().map(Lease::file);
         let keep = move || {
             finished.keep(&journal)?;
             append(&journal, &wanted)?;
             sync(&journal)?;
+            lease.iter().try_for_each(|lease| lease.confirm())?;
             remove_files(&superseded)
         };
         *lock(&self.under_way) = beside(keep)?;
@@ -286,9 +289,20 @@ impl WorkFolder {
         Ok(value)
     }
 
-    /// Whether another process has taken this one for dead, and the folder with it.
-    pub fn is_taken_over(&self) -> bool {
-        self.holder.as_ref().is_some_and(Holder::is_lost)
+    /// Makes sure that this process still holds the folder: another machine's may have taken it for dead.
+    ///
+    /// # Errors
+    /// [`Error::Locked`] if another process works there, [`Error::Changed`] if one has ended the job, or the folder was
+    /// removed; [`Error::Io`] if nothing can be found out.
+    pub fn confirm(&self) -> Result<()> {
+        self.lease.as_ref().map_or(Ok(()), |lease| lease.file().confirm_now())
+    }
+
+    /// Why this process lost the folder, if it did: what failed since failed because of that.
+    pub fn loss(&self) -> Option<Error> {
+        let lease = self.lease.as_ref()?.file();
+        let _ = lease.confirm_now();
+        lease.outcome().err()
     }
 
     /// Records why the process ends early, on a best-effort basis.
@@ -312,6 +326,7 @@ impl WorkFolder {
         let (wanted, names) = self.want_only(keys);
         append(&self.journal, &wanted)?;
         sync(&self.journal)?;
+        self.confirm()?;
         remove_files(&self.all_but(&names)?)
     }
 
@@ -353,12 +368,11 @@ impl WorkFolder {
     fn remove(&mut self) {
         let _ = self.wait_until_durable();
         *lock(&self.journal) = None;
-        // Another process may have taken this one for dead.
-        if self.is_taken_over() {
+        if self.confirm().is_err() {
             return;
         }
         let _ = self.clear();
-        self.holder = None;
+        self.lease = None;
         let _ = fs::remove_file(self.path.join(LOCK));
         self.lock = None;
         if self.is_ours {

@@ -8,8 +8,8 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 use super::foreign::refuse_foreign;
-use super::holder::Holder;
 use super::journal::{self, Entry, JOURNAL, Journal, now};
+use super::lease::Lease;
 use super::lock_file::lock_folder;
 use super::manifest::{AFRESH, MANIFEST, Manifest};
 use super::stage::remove_stages;
@@ -48,7 +48,7 @@ impl WorkFolder {
             path: path.to_owned(),
             is_ours: is_new || manifest.owns_folder,
             lock: Some(lock_folder(path)?),
-            holder: None,
+            lease: None,
             resume,
             steps: Arc::default(),
             journal: Arc::default(),
@@ -59,9 +59,9 @@ impl WorkFolder {
             number: new_job_number(path),
             lending: None,
         };
-        let holder = Holder::claim(path, progress)?;
-        let seat = holder.seat();
-        folder.holder = Some(holder);
+        let lease = Lease::claim(path, progress)?;
+        let lease_file = lease.file();
+        folder.lease = Some(lease);
         let earlier = match resume {
             Resume::Never => {
                 folder.remember_outside();
@@ -80,7 +80,7 @@ impl WorkFolder {
                 folder.begin(manifest)?
             }
         };
-        let mut journal = journal.of_holder(seat);
+        let mut journal = journal.under(lease_file);
         folder.holds_steps = AtomicBool::new(folder.is_resumed);
         journal.append(&Entry::Began { time: now() })?;
         if resume == Resume::Never {
@@ -194,13 +194,14 @@ impl WorkFolder {
     /// # Errors
     /// If files cannot be removed or written.
     pub fn restart(&mut self, manifest: &Manifest) -> Result<()> {
+        self.confirm()?;
         *lock(&self.journal) = None;
         self.steps = Arc::default();
         self.is_resumed = false;
         self.holds_steps = AtomicBool::new(false);
-        let seat = self.holder.as_ref().map(Holder::seat);
+        let lease = self.lease.as_ref().map(Lease::file);
         let journal = self.begin(manifest)?;
-        *lock(&self.journal) = Some(seat.into_iter().fold(journal, Journal::of_holder));
+        *lock(&self.journal) = Some(lease.into_iter().fold(journal, Journal::under));
         Ok(())
     }
 

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use super::journal::{self, Entry, JOURNAL};
+use super::lease::is_held;
 use super::lock_file::is_locked;
 use super::manifest::{AFRESH, MANIFEST, Manifest};
 use super::stage::{StageStatus, look_at_stages, sizes};
@@ -45,7 +46,7 @@ pub fn look(path: &Path) -> Result<WorkStatus> {
         if path.join(JOURNAL).exists() { journal::read(&path.join(JOURNAL), checksum)?.entries } else { Vec::new() };
     // A stage that is being written, or removed, is none.
     let stage = look_at_stages(path).unwrap_or_default().pop();
-    Ok(WorkStatus { manifest, entries, is_running: is_locked(path), stage, bytes: folder_bytes(path) })
+    Ok(WorkStatus { manifest, entries, is_running: is_locked(path) || is_held(path), stage, bytes: folder_bytes(path) })
 }
 
 /// Size of all files in a work folder, in bytes.

@@ -418,7 +418,51 @@ fn a_job_that_begins_afresh_leaves_nothing_of_the_one_before() {
     job.restart(&manifest()).unwrap();
     let mut names: Vec<_> = fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     names.sort();
-    assert_eq!(names, [holder::HOLDER, JOURNAL, LOCK, MANIFEST]);
+    assert_eq!(names, [JOURNAL, lease::LEASE, LOCK, MANIFEST]);
+}
+
+#[test]
+fn who_lost_the_folder_changes_nothing_in_it() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    let mut job = open(&path, Resume::Auto).unwrap();
+    job.keep(Step::new(mesh(1)), [], &4u8).unwrap();
+    let (lease, theirs) = (path.join(lease::LEASE), path.join("pass-1-theirs.bin"));
+    fs::write(&theirs, "theirs").unwrap();
+    fs::remove_file(&lease).unwrap();
+    fs::write(&lease, "00000000000000aa 0000000000000001 another-machine 7").unwrap();
+    assert!(matches!(job.loss(), Some(Error::Locked(_))));
+    let before = fs::read(path.join(JOURNAL)).unwrap();
+    let outcomes =
+        [job.retain(&[]), job.supersede(Step::new(mesh(2)), [], &5u8, &[]), job.restart(&manifest()), job.confirm()];
+    assert!(outcomes.iter().all(|outcome| matches!(outcome, Err(Error::Locked(_)))), "{outcomes:?}");
+    assert!(matches!(job.finish(false), Err(Error::Locked(_))));
+    assert!(theirs.exists() && lease.exists());
+    assert!(fs::read(path.join(JOURNAL)).unwrap() == before);
+}
+
+#[test]
+fn what_a_network_disk_keeps_of_removed_files_is_not_foreign() {
+    for name in [".nfs00000000a1b2", ".fuse_hidden0000000100000002"] {
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("work");
+        let job = open(&path, Resume::Auto).unwrap();
+        let stage = path.join("stage-0123456789abcdef");
+        fs::create_dir(&stage).unwrap();
+        for folder in [&path, &stage] {
+            fs::write(folder.join(name), "open elsewhere").unwrap();
+        }
+        job.finish(false).unwrap();
+        fs::create_dir_all(&stage).unwrap();
+        fs::write(stage.join(name), "open elsewhere").unwrap();
+        open(&path, Resume::Auto).unwrap().finish(false).unwrap();
+        for other in [".nfs", ".nfsnotes", ".fuse_hidden-mine"] {
+            fs::create_dir_all(&path).unwrap();
+            fs::write(path.join(other), "").unwrap();
+            assert!(matches!(open(&path, Resume::Auto), Err(Error::Usage(_))), "{other}");
+            fs::remove_file(path.join(other)).unwrap();
+        }
+    }
 }
 
 /// If the manifest were removed before other files, or files before the journal that lists them, a power cut would

@@ -86,12 +86,17 @@ impl<I: Id, T: LentResult> LentWork<'_, I, T> {
 /// Decodes what a process needs to do tasks of a stage.
 ///
 /// # Errors
-/// [`Error::Damaged`] if the stage does not hold it.
+/// [`Error::Damaged`] if the stage does not hold it; [`Error::Io`] if it names files that are not seen here as they are,
+/// as on a network disk that shows new files late.
 pub fn details_of<T: for<'a> Recalled<Context<'a> = ()>>(stage: &Stage) -> Result<T> {
     let damaged = |message: String| Error::Damaged { path: stage.path(), message };
     let mut details: T = codec::decode(stage.details()).map_err(damaged)?;
     details.locate(stage.work(), &());
-    if details.is_sound(&()) { Ok(details) } else { Err(damaged("its content is inconsistent".into())) }
+    if details.is_sound(&()) {
+        return Ok(details);
+    }
+    let late = std::io::Error::other("it names files that are missing here, or shorter than they should be");
+    Err(Error::io(&stage.path(), "read", late))
 }
 
 /// Encodes what a process needs to do tasks of a stage.

@@ -9,6 +9,7 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -100,9 +101,11 @@ impl DurableFile {
         self.wait_for_sync()?;
         let Some(writer) = &self.writer else { return Ok(()) };
         let (temporary, target) = (self.temporary.clone(), self.target.clone());
-        let wrap = move |e| Error::io(&target, "write", e);
-        let file = writer.get_ref().try_clone().map_err(&wrap)?;
-        self.ahead = beside(move || sync_file(&file, &temporary).map_err(wrap))?;
+        // Without a second handle, all is synced at the end.
+        if let Ok(file) = writer.get_ref().try_clone() {
+            let sync = move || sync_file(&file, &temporary).map_err(|e| Error::io(&target, "write", e));
+            self.ahead = beside(sync)?;
+        }
         Ok(())
     }
 
@@ -171,16 +174,20 @@ impl DurableFile {
 
 impl Drop for DurableFile {
     fn drop(&mut self) {
+        // The file takes space while it is synced.
+        let _ = self.wait_for_sync();
         // Has no effect once the file is renamed.
         let _ = fs::remove_file(&self.temporary);
     }
 }
 
-/// Returns the temporary path of a job's file that will become `target`. It depends on both, so that the job finds the
-/// file again after a kill and no other job uses it.
+/// Returns the temporary path of a job's file that will become `target`. The job's number is in it, so that a later
+/// process of the job finds the file after a kill; no other process writes to it.
 pub fn waiting_place(target: &Path, job: u64) -> PathBuf {
+    static PROCESS: OnceLock<u64> = OnceLock::new();
+    let process = *PROCESS.get_or_init(|| new_job_number(Path::new("")));
     let name = target.file_name().unwrap_or_default().as_encoded_bytes();
-    target.with_file_name(format!("drystone-{job:016x}-{:016x}.tmp", xxh3_64(name)))
+    target.with_file_name(format!("drystone-{job:016x}-{:016x}.tmp", xxh3_64_with_seed(name, process)))
 }
 
 /// Removes the temporary files of a job from a folder; returns whether there were any.

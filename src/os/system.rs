@@ -107,6 +107,14 @@ pub fn host_name() -> String {
     std::env::var("COMPUTERNAME").unwrap_or_default()
 }
 
+/// Identifies the running kernel of this machine, where the system tells it; else empty.
+pub fn kernel_start() -> String {
+    #[cfg(target_os = "linux")]
+    return fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default().trim_end().to_owned();
+    #[cfg(not(target_os = "linux"))]
+    String::new()
+}
+
 /// Reports whether an error concerns the machine and not the file, so that the same call may succeed later. That is
 /// every system error except those that say that the file does not exist or may not be read.
 ///

@@ -1,11 +1,9 @@
 //! Computes what the clusters of a pass must reach together, from the target, the bound and the schedule alone.
 
 use super::sample::Purpose;
-use super::shares::{TRIM_SHARE, pass_target, stage_shares};
+use super::shares::{TRIM_SHARE, TRIM_SHARE_MAX, pass_target, stage_shares};
 use super::stop_rule::StopRule;
 
-/// Largest excess over the target, as a share of the target, at which a trim replaces an ordinary pass.
-const TRIM_SHARE_MAX: f64 = 0.25;
 /// Share of the allowed error that collapses may use; the rest covers rounding of the positions.
 const BOUND_SAFETY: f64 = 0.98;
 

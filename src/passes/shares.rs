@@ -11,6 +11,8 @@ const MIDDLE_STAGE_SHARE: f64 = 0.36;
 const LAST_STAGE_SHARE: f64 = 0.7;
 /// A last pass over several clusters aims this share above the target; the trim removes the rest.
 pub const TRIM_SHARE: f64 = 0.06;
+/// Largest excess over the target, as a share of the target, at which a trim replaces an ordinary pass.
+pub const TRIM_SHARE_MAX: f64 = 0.25;
 
 /// Largest number of stages of a pass: that of [`stage_shares`] for the smallest share.
 pub const STAGES_MAX: usize = 58;

@@ -6,7 +6,7 @@ use std::time::SystemTime;
 
 use super::paths::{self, OutputKind};
 use crate::base::pool::Pool;
-use crate::base::{Error, Findings, MemoryBudget, Progress, Result};
+use crate::base::{Findings, MemoryBudget, Progress, Result};
 use crate::job::stage::Lending;
 use crate::job::{InputFile, Manifest, WorkFolder, folder_bytes};
 use crate::options::{ResumeChoice, SimplifyOptions, TexturesOutside};
@@ -114,9 +114,10 @@ impl<'a> Preflight<'a> {
         let outcome = work(&mut folder);
         match &outcome {
             Ok(_) => folder.finish(self.options.job.keep_work)?,
-            // Its files went, or changed, under its hands.
-            Err(_) if folder.is_taken_over() => return Err(Error::Locked(self.work_path.clone())),
-            Err(error) => folder.note_failure(error),
+            Err(error) => match folder.loss() {
+                Some(loss) => return Err(loss),
+                None => folder.note_failure(error),
+            },
         }
         outcome
     }

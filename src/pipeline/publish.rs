@@ -125,6 +125,7 @@ impl<'a> Publisher<'a> {
         work.keep(step, [], staged.written())?;
         // Without this record, a result that has its final name already would be taken for that of another job.
         work.sync()?;
+        work.confirm()?;
         staged.commit(progress)
     }
 }

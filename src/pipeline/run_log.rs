@@ -23,6 +23,8 @@ use crate::report::{BakeFigures, ErrorFigures, FaceFigures, IoFigures, MemoryFig
 /// Times and findings of a run.
 pub(super) struct RunLog {
     started: Instant,
+    /// Bytes that the process had read and written before.
+    io_before: (u64, u64),
     seconds: SecondFigures,
     /// What was ignored, repaired or lost.
     pub findings: Findings,
@@ -31,7 +33,12 @@ pub(super) struct RunLog {
 impl RunLog {
     /// Starts the clock.
     pub fn start() -> Self {
-        Self { started: Instant::now(), seconds: SecondFigures::default(), findings: Findings::default() }
+        Self {
+            started: Instant::now(),
+            io_before: system::io_bytes(),
+            seconds: SecondFigures::default(),
+            findings: Findings::default(),
+        }
     }
 
     /// Does work of a phase, and adds the time to it.
@@ -65,6 +72,7 @@ impl RunLog {
         self.seconds.stitch = passes.seconds.stitch.as_secs_f64();
         self.seconds.total = self.started.elapsed().as_secs_f64();
         let (io_read, io_written) = system::io_bytes();
+        let (read_before, written_before) = self.io_before;
         Report {
             program: env!("CARGO_PKG_VERSION"),
             command: options.notes.command.clone(),
@@ -97,8 +105,8 @@ impl RunLog {
             },
             io: IoFigures {
                 input: input.bytes,
-                read: io_read,
-                written: io_written,
+                read: io_read.saturating_sub(read_before),
+                written: io_written.saturating_sub(written_before),
                 output: written.content.bytes,
                 scratch_peak,
             },

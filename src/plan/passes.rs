@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::memory::Sizes;
 use crate::partition::cells::expected_count;
 use crate::passes::CELL_PASSES;
-use crate::passes::shares::{TRIM_SHARE, pass_target};
+use crate::passes::shares::{TRIM_SHARE, TRIM_SHARE_MAX, pass_target};
 
 /// Forecast of a pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -60,6 +60,9 @@ pub fn forecast(sizes: &Sizes, passes: usize) -> Vec<PassForecast> {
     for pass in 0..passes {
         let clusters = expected_count(faces, cluster_faces, lead + pass);
         let is_last = pass + 1 == passes;
+        if is_last && clusters > 1 && faces as f64 <= target as f64 * (1.0 + TRIM_SHARE_MAX) {
+            break;
+        }
         let wanted = pass_target(input, target, pass, passes).round() as u64;
         let left = if is_last && clusters > 1 { (target as f64 * (1.0 + TRIM_SHARE)) as u64 } else { wanted };
         let faces_out = left.min(faces);
@@ -74,7 +77,7 @@ pub fn forecast(sizes: &Sizes, passes: usize) -> Vec<PassForecast> {
         faces = faces_out;
     }
     if faces > target {
-        let clusters = expected_count(faces, cluster_faces, lead + passes);
+        let clusters = expected_count(faces, cluster_faces, found.len());
         found.push(PassForecast {
             clusters,
             faces_in: faces,

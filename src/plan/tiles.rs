@@ -16,7 +16,7 @@ use super::memory::{self, Sizes};
 use super::time::speed_up;
 use super::{InputFigures, ScratchFigures, duration, row, scratch};
 use crate::base::{MemoryBudget, Progress, Result, bytes, counted, grouped};
-use crate::options::{ImageFormat, TileOptions};
+use crate::options::{ImageFormat, TileCompression, TileOptions};
 use crate::os::system;
 use crate::read::{self, InputChoice, TextureSample};
 use crate::tile::{TileCrew, pass_count};
@@ -32,9 +32,13 @@ const TILES_BY_LARGER: f64 = 1.1;
 const TILES_BY_SMALLER: f64 = 0.33;
 /// Share of an image that the surface shows, in the finest level and above.
 const FILL: [f64; 2] = [0.65, 0.5];
-/// Bytes of a triangle, of a texel of a JPEG and of a PNG.
+/// Bytes of a triangle, plain and compressed.
 const TRIANGLE_BYTES: f64 = 13.0;
+const MESHOPT_BYTES: f64 = 5.5;
+/// Bytes of a texel: of a JPEG of quality 85, of a WebP of quality 80, of a KTX2 of any and of a PNG.
 const JPEG_BYTES: f64 = 0.25;
+const WEBP_BYTES: f64 = 0.12;
+const KTX2_BYTES: f64 = 0.26;
 const PNG_BYTES: f64 = 1.6;
 /// Processor time of a triangle of the input, and of a texel of all images.
 const TRIANGLE_SECONDS: f64 = 45e-6;
@@ -136,7 +140,11 @@ pub fn plan_tiles(
 /// The levels of an input with `faces` triangles that show `covered` texels.
 fn forecast_levels(faces: f64, covered: f64, options: &TileOptions) -> Vec<LevelForecast> {
     let limits = crate::tile::tile_limits(options.tile_faces, options.tile_side);
-    let texel_bytes = if options.image == ImageFormat::Png { PNG_BYTES } else { JPEG_BYTES };
+    let triangle_bytes = match options.compress {
+        TileCompression::None => TRIANGLE_BYTES,
+        TileCompression::Meshopt => MESHOPT_BYTES,
+    };
+    let texel_bytes = texel_bytes(options.image);
     let mut levels = Vec::new();
     let (mut triangles, mut covered) = (faces * WITH_BORDERS, covered);
     for level in 0..LEVELS_MAX {
@@ -149,7 +157,7 @@ fn forecast_levels(faces: f64, covered: f64, options: &TileOptions) -> Vec<Level
             tiles,
             triangles: triangles as u64,
             texels: texels as u64,
-            bytes: (triangles * TRIANGLE_BYTES + texels * texel_bytes) as u64,
+            bytes: (triangles * triangle_bytes + texels * texel_bytes) as u64,
         });
         if tiles == 1 {
             break;
@@ -158,6 +166,18 @@ fn forecast_levels(faces: f64, covered: f64, options: &TileOptions) -> Vec<Level
         covered /= 4.0;
     }
     levels
+}
+
+/// Bytes of a texel of an image. They grow with the square root of what is missing to quality 100, within a tenth from 60
+/// to 97.
+fn texel_bytes(image: ImageFormat) -> f64 {
+    let at = |bytes: f64, of: f64, quality: u8| bytes * ((100.0 - of) / (100.0 - f64::from(quality)).max(1.0)).sqrt();
+    match image {
+        ImageFormat::Png => PNG_BYTES,
+        ImageFormat::Jpeg(quality) => at(JPEG_BYTES, 85.0, quality),
+        ImageFormat::WebP(quality) => at(WEBP_BYTES, 80.0, quality),
+        ImageFormat::Ktx2(_) => KTX2_BYTES,
+    }
 }
 
 impl PyramidPlan {
@@ -197,6 +217,18 @@ mod tests {
             assert_eq!(levels.last().map(|level| level.tiles), Some(1));
             assert!(levels.is_sorted_by(|a, b| a.tiles >= b.tiles && a.triangles > b.triangles && a.texels > b.texels));
         }
+    }
+
+    #[test]
+    fn better_images_are_larger_and_compressed_triangles_smaller() {
+        let bytes = |image: &str, compress| {
+            let options = TileOptions { image: image.parse().unwrap(), compress, ..TileOptions::default() };
+            forecast_levels(1e6, 4e7, &options)[0].bytes
+        };
+        let of = |image: &str| bytes(image, TileCompression::None);
+        let ascending = ["webp:80", "webp:90", "jpeg:85", "jpeg:97", "png"].map(of);
+        assert!(ascending.is_sorted() && of("jpeg:100") < 2 * of("jpeg:95"), "{ascending:?}");
+        assert!(bytes("png", TileCompression::Meshopt) < of("png"));
     }
 
     #[test]

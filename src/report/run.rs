@@ -103,9 +103,9 @@ pub struct MemoryFigures {
 pub struct IoFigures {
     /// Length of the mesh files that were read.
     pub input: u64,
-    /// Read by system calls.
+    /// Read by system calls of the process since the run began.
     pub read: u64,
-    /// Written by system calls.
+    /// Written by system calls of the process since the run began.
     pub written: u64,
     /// Length of the mesh file that was written.
     pub output: u64,

@@ -88,7 +88,7 @@ const SHARE_BYTES_MIN: u64 = 4 * MIB;
 /// Memory in bytes for each of them that more would save no time with, on few threads.
 const SHARE_BYTES: u64 = 8 * MIB;
 /// The same for each thread: a block of faces or lines, and one that waits.
-const THREAD_SHARE_BYTES: u64 = 2 * MIB;
+const THREAD_SHARE_BYTES: u64 = 3 * MIB;
 
 /// Largest memory in bytes for the grouping, and for work in flight; more would make memory grow with the result and save
 /// no time.

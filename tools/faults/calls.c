@@ -220,8 +220,20 @@ SYNC(fsync)
 SYNC(fdatasync)
 
 int statx(int folder, const char *restrict name, int flags, unsigned mask, struct statx *restrict found) {
-    double seconds = name && *name ? age(folder, name) : 1e9, hidden = atof(setting("FAULT_HIDE"));
-    if (seconds < hidden) {
+    char link[64], path[PATH_MAX];
+    double seconds = 1e9, hidden = atof(setting("FAULT_HIDE"));
+    if (name && *name) {
+        seconds = age(folder, name);
+    } else if (hidden > 0) {
+        // The size of an open file.
+        snprintf(link, sizeof link, "/proc/self/fd/%d", folder);
+        ssize_t length = readlink(link, path, sizeof path - 1);
+        if (length > 0 && path[0] == '/') {
+            path[length] = 0;
+            seconds = age(AT_FDCWD, path);
+        }
+    }
+    if (seconds < hidden && name && *name) {
         errno = ENOENT;
         return -1;
     }

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::job::names::is_phase_file;
+use crate::job::names::{is_phase_file, is_remains};
 use crate::os::durable::sync_folder;
 
 /// Name of the file of a stage in its folder.
@@ -46,7 +46,7 @@ fn is_own(entry: fs::DirEntry) -> bool {
     let failed = name.strip_prefix(FAILURE).and_then(|rest| rest.split_once('.'));
     let is_failure =
         failed.is_some_and(|(number, ending)| number.parse::<u32>().is_ok() && [ERROR, FULL].contains(&ending));
-    let is_of_task = is_phase_file(&name) || is_taken || is_failure;
+    let is_of_task = is_phase_file(&name) || is_taken || is_failure || is_remains(&name);
     let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
     is_file && (is_of_task || name == STAGE_FILE || (name.starts_with(STAGE_FILE) && name.ends_with(".tmp")))
 }

@@ -101,12 +101,14 @@ impl WorkFolder {
         progress: &dyn Progress,
     ) -> Result<Vec<LentTask>> {
         let stage = Stage::place(self.path(), order)?;
+        self.confirm()?;
         remove_stages(self.path(), stage.path().parent());
         let wanted: Vec<usize> = (0..stage.tasks().len()).filter(|&task| wanted(&stage.tasks()[task])).collect();
         // What was taken is recorded; a task that is not, as after a power cut, must be done again.
         wanted.iter().for_each(|&task| drop(std::fs::remove_file(stage.file_of(&stage.tasks()[task], TAKEN))));
         self.note_steps();
         let contents = have_done(lending, &stage, &wanted, progress)?;
+        self.confirm()?;
         let mut taken = Vec::with_capacity(wanted.len());
         for (task, contents) in wanted.into_iter().zip(contents) {
             taken.push(self.take(&stage, &stage.tasks()[task], contents, parent)?);

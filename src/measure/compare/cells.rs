@@ -79,7 +79,7 @@ impl ReadMesh {
             owns_folder: true,
             ..Manifest::default()
         };
-        let work = WorkFolder::open(folder, &manifest, Resume::Again)?;
+        let work = WorkFolder::open_watched(folder, &manifest, Resume::Again, progress)?;
         let Scan { mesh, catalogue, findings, .. } = read::scan(&inputs, work.path(), &resources.scan, progress)?;
         let options = PartitionOptions::as_read(cell_faces, resources.limits());
         progress.begin("partition", 0, "");
