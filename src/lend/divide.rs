@@ -40,6 +40,8 @@ pub struct Lendable<'a, I> {
     pub arithmetic: &'a dyn Fn() -> u64,
     /// Whether the phase counts their sizes.
     pub is_counted: bool,
+    /// Whether pieces that they become hold colours, whose blocks have no checksums.
+    pub has_colours: bool,
 }
 
 impl<I: Id> Lendable<'_, I> {
@@ -85,6 +87,7 @@ pub fn lend<I: Id>(
         arithmetic: (what.arithmetic)(),
         kind: what.kind.to_owned(),
         tasks: what.tasks(lending.tasks as usize),
+        is_read_whole: what.has_colours,
         details: details()?,
     };
     let is_missing =

@@ -50,6 +50,7 @@ impl Run<'_> {
     /// Has clusters remeshed by other processes, if the job has any; returns what they did, now or before.
     pub(super) fn lend_remesh(&self, pass: &RemeshPass<'_>) -> Result<LentResults<ClusterId>> {
         let RemeshPass { number, settings, frame, partition } = *pass;
+        let Remesher { mesh, catalogue, scale, .. } = self.remesher(pass);
         let what = Lendable {
             kind: REMESH,
             items: LentItem::clusters_of(partition),
@@ -57,8 +58,8 @@ impl Run<'_> {
             parent: Some(PassStep::Stops { pass: number, attempt: 0 }.key()),
             arithmetic: &|| arithmetic::checksum(self.options.cost),
             is_counted: true,
+            has_colours: mesh.has_colours(),
         };
-        let Remesher { mesh, catalogue, scale, .. } = self.remesher(pass);
         let (cost, cluster_faces) = (self.options.cost, self.options.cluster_faces);
         let details = (settings, frame, partition, mesh, catalogue, scale, cost, cluster_faces);
         lend(self.job, &what, || encoded(&details), self.progress)

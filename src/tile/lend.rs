@@ -86,6 +86,7 @@ impl LevelPlan<'_> {
             parent: Some(TileStep::Cut { level }.key()),
             arithmetic: &arithmetic::usual_checksum,
             is_counted: true,
+            has_colours: false,
         };
         let Self { scene, settings, away, nodes, triangles, input, below, others, .. } = self;
         let numbers = [level, self.coarsest];

@@ -402,6 +402,54 @@ fn spoilt_results_count_as_none() {
     assert!(result(alone.path()) == result(helped.path()));
 }
 
+/// Does all tasks; then changes a byte in the middle of every file of pieces, once for each stage.
+#[derive(Debug, Default)]
+struct PieceSpoiler {
+    seen: Mutex<HashSet<u64>>,
+    spoilt: AtomicUsize,
+}
+
+impl Hands for PieceSpoiler {
+    fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<HandsEnd> {
+        for (index, task) in stage.tasks().iter().enumerate() {
+            do_task(&stage.path(), index, LIMITS, &Silent).unwrap();
+            let path = stage.file_of(task, "piece");
+            let Ok(mut bytes) = std::fs::read(&path) else { continue };
+            if self.seen.lock().unwrap().insert(stage.id() ^ index as u64) {
+                let at = bytes.len() / 2;
+                bytes[at] ^= 1;
+                std::fs::write(&path, bytes).unwrap();
+                self.spoilt.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+        Ok(HandsEnd::Done)
+    }
+
+    fn patience(&self) -> Duration {
+        Duration::from_millis(1)
+    }
+}
+
+#[test]
+fn colours_that_changed_on_a_disk_are_computed_again() {
+    let [alone, helped] = [(), ()].map(|()| tempfile::tempdir().unwrap());
+    let coloured = |(number, line): (usize, &str)| {
+        let colour = if line.starts_with("v ") { format!(" {} 0.5 0.25", noise(number, 1, 7)) } else { String::new() };
+        format!("{line}{colour}\n")
+    };
+    let text: String = terrain(80).text().lines().enumerate().map(coloured).collect();
+    let input = alone.path().join("coloured.obj");
+    std::fs::write(&input, text).unwrap();
+    let options = in_many_clusters(ratio(0.3));
+    let [expected, found] = [&alone, &helped].map(|folder| folder.path().join("out.obj"));
+    pipeline::simplify(input.as_path(), &expected, &options, &Silent).unwrap();
+    let hands = Arc::new(PieceSpoiler::default());
+    let options = SimplifyOptions { job: by(hands.clone(), 8), ..options };
+    pipeline::simplify(input.as_path(), &found, &options, &Silent).unwrap();
+    assert!(hands.spoilt.load(Ordering::Relaxed) > 8);
+    assert!(std::fs::read(expected).unwrap() == std::fs::read(found).unwrap());
+}
+
 /// Keeps the paths of stages, and does their tasks.
 #[derive(Debug, Default)]
 struct Late {

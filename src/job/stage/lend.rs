@@ -25,6 +25,7 @@ use crate::file::name::is_file_name;
 use crate::job::WorkFolder;
 use crate::job::names::is_phase_file;
 use crate::job::recalled::Recalled;
+use crate::job::stamp::{Condition, Stamp};
 use crate::job::step::{Step, StepKey};
 use crate::os::durable::{give_name, sync_folder};
 
@@ -160,6 +161,18 @@ impl Stage {
             && contents.frames.iter().all(|frame| task.holds(frame.item));
         is_whole.then_some(contents)
     }
+
+    /// Whether the files of a task's results are as they were written, where that is not seen later; forgets results that
+    /// are not.
+    fn is_sound(&self, task: usize, contents: &TaskContents) -> bool {
+        let folder = self.path().with_file_name("");
+        let is_whole = |stamp: &Stamp| matches!(stamp.verify(&folder), Ok(Condition::Whole));
+        let is_sound = !self.is_read_whole() || contents.files.iter().all(is_whole);
+        if !is_sound {
+            let _ = std::fs::remove_file(self.file_of(&self.tasks()[task], RESULTS));
+        }
+        is_sound
+    }
 }
 
 /// Has tasks done until all of them have whole results.
@@ -241,7 +254,7 @@ fn wait_for(
     let mut found: Vec<Option<TaskContents>> = vec![None; wanted.len()];
     loop {
         for (found, &task) in found.iter_mut().zip(wanted).filter(|(found, _)| found.is_none()) {
-            *found = stage.contents(&stage.tasks()[task]);
+            *found = stage.contents(&stage.tasks()[task]).filter(|contents| stage.is_sound(task, contents));
         }
         // A process that failed says so: its results will not appear.
         let may_come =

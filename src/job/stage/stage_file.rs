@@ -51,6 +51,8 @@ pub struct Order {
     pub kind: String,
     /// The tasks.
     pub tasks: Vec<StageTask>,
+    /// Whether files of results are read whole before they are taken, since they hold blocks without checksums.
+    pub is_read_whole: bool,
     /// What the phase needs to do any of them, encoded.
     pub details: Vec<u8>,
 }
@@ -161,6 +163,11 @@ impl Stage {
     /// Its tasks.
     pub fn tasks(&self) -> &[StageTask] {
         &self.order.tasks
+    }
+
+    /// Whether files of results are read whole before they are taken.
+    pub(super) fn is_read_whole(&self) -> bool {
+        self.order.is_read_whole
     }
 
     /// What the phase needs, encoded.
