@@ -264,7 +264,7 @@ impl<'a> Baking<'a> {
             parent: Some(PATCHES),
             arithmetic: &arithmetic::usual_checksum,
             is_counted: true,
-            has_colours: false,
+            is_read_whole: false,
         };
         let PatchSettings { texel, away, side, .. } = self.of_patches;
         let (mesh, format, original) = (self.result.mesh, self.settings.format, self.original);

@@ -119,8 +119,7 @@ impl Journal {
     /// Appends an entry.
     ///
     /// # Errors
-    /// Those of [`LeaseFile::confirm`]. On a full disk or a failed write; the partial entry
-    /// is removed again.
+    /// Those of [`LeaseFile::confirm`]. On a full disk or a failed write; the partial entry is removed again.
     pub(super) fn append(&mut self, entry: &Entry) -> Result<()> {
         self.lease.iter().try_for_each(|lease| lease.confirm())?;
         let damaged = |message| Error::Damaged { path: self.path.clone(), message };

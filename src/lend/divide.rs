@@ -40,8 +40,9 @@ pub struct Lendable<'a, I> {
     pub arithmetic: &'a dyn Fn() -> u64,
     /// Whether the phase counts their sizes.
     pub is_counted: bool,
-    /// Whether pieces that they become hold colours, whose blocks have no checksums.
-    pub has_colours: bool,
+    /// Whether files that they become are read whole before they are taken: those that may hold colours, whose blocks
+    /// have no checksums.
+    pub is_read_whole: bool,
 }
 
 impl<I: Id> Lendable<'_, I> {
@@ -87,7 +88,7 @@ pub fn lend<I: Id>(
         arithmetic: (what.arithmetic)(),
         kind: what.kind.to_owned(),
         tasks: what.tasks(lending.tasks as usize),
-        is_read_whole: what.has_colours,
+        is_read_whole: what.is_read_whole,
         details: details()?,
     };
     let is_missing =

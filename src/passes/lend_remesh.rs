@@ -58,7 +58,7 @@ impl Run<'_> {
             parent: Some(PassStep::Stops { pass: number, attempt: 0 }.key()),
             arithmetic: &|| arithmetic::checksum(self.options.cost),
             is_counted: true,
-            has_colours: mesh.has_colours(),
+            is_read_whole: mesh.has_colours(),
         };
         let (cost, cluster_faces) = (self.options.cost, self.options.cluster_faces);
         let details = (settings, frame, partition, mesh, catalogue, scale, cost, cluster_faces);

@@ -64,7 +64,7 @@ impl Run<'_> {
             parent: Some(sweep.parent()),
             arithmetic: &|| arithmetic::checksum(self.options.cost),
             is_counted: !sweep.plan.is_trial(),
-            has_colours: self.state.mesh.has_colours(),
+            is_read_whole: self.state.mesh.has_colours(),
         };
         let (mesh, stats) = (&self.state.mesh, &self.state.stats);
         let (cost, cluster_faces) = (self.options.cost, self.options.cluster_faces);

@@ -68,7 +68,7 @@ pub(super) fn lend_files(
         parent: None,
         arithmetic: &arithmetic::usual_checksum,
         is_counted: true,
-        has_colours: true,
+        is_read_whole: true,
     };
     progress.begin("scan", inputs.iter().map(|input| input.bytes).sum(), "B");
     lend(work, &what, || encoded(&(inputs, changed, new_job_number(work.path()))), progress)

@@ -86,7 +86,7 @@ impl LevelPlan<'_> {
             parent: Some(TileStep::Cut { level }.key()),
             arithmetic: &arithmetic::usual_checksum,
             is_counted: true,
-            has_colours: false,
+            is_read_whole: false,
         };
         let Self { scene, settings, away, nodes, triangles, input, below, others, .. } = self;
         let numbers = [level, self.coarsest];
