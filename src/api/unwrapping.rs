@@ -48,7 +48,7 @@ pub fn unwrap_mesh(mesh: &Mesh, texel: f64, side: u32) -> Result<(Mesh, Vec<Imag
     let vertices: TiVec<FaceId, _> = mesh.faces.iter().map(|face| face.map(LocalVertex::new)).collect();
     let texels: TiVec<FaceId, f64> = vec![texel; mesh.faces.len()].into();
     let triangles = Triangles { positions: &positions, vertices: &vertices };
-    let unwrapped = unwrap(triangles, &UnwrapSettings { texels: &texels, side });
+    let unwrapped = unwrap(triangles, &UnwrapSettings { texels: &texels, side })?;
     let mut out = Mesh {
         positions: mesh.positions.clone(),
         colours: mesh.colours.clone(),

@@ -127,7 +127,7 @@ impl<'a> PatchBaker<'a> {
     pub fn unwrap(&self, patch: &PatchSurface<'_>, coarser: f64) -> Result<Unwrapped> {
         let mut texels = texel_lengths(self.original, patch, self.texel)?;
         texels.iter_mut().for_each(|texel| *texel *= coarser);
-        Ok(unwrap(patch.triangles, &UnwrapSettings { texels: &texels, side: self.side }))
+        unwrap(patch.triangles, &UnwrapSettings { texels: &texels, side: self.side })
     }
 
     /// Paints an image of a patch.

@@ -17,7 +17,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::lock::lock;
-use super::pool::thread_count;
+use super::pool::{check_stopped, thread_count};
 use super::threads::{Task, at_least_one, start};
 use super::{Permits, Result};
 
@@ -29,7 +29,7 @@ const ITEMS_PER_THREAD: usize = 4;
 /// The first error, in the order of items, ends the work and is returned.
 ///
 /// # Errors
-/// Those of `work` and `commit`.
+/// Those of `work` and `commit`; [`Error::Stopped`](super::Error::Stopped) if the job is to stop.
 ///
 /// # Panics
 /// Propagates a panic of `work`.
@@ -281,6 +281,7 @@ fn alone(steps: &dyn LoopSteps, commit: Commit<'_>) -> Result<()> {
     while let Some(place) = steps.take() {
         steps.work(place)?;
         steps.finish(place)?;
+        check_stopped()?;
         commit(place)?;
     }
     Ok(())
@@ -301,6 +302,7 @@ fn commit_in_order(
         early.insert(place, outcome);
         while let Some(outcome) = early.remove(&next) {
             outcome.unwrap_or_else(|panic| resume_unwind(panic))?;
+            check_stopped()?;
             commit(next)?;
             next += 1;
             let _ = credits.send(());

@@ -2,25 +2,44 @@
 //!
 //! Each job has a pool of its own; rayon's global pool stays untouched, so that a host program can use it as it likes.
 //! The job's thread enters the pool, and the threads that [`threads`](super::threads) starts from there inherit it.
+//!
+//! A job that is to stop tells its pool: [`check_stopped`] fails on all of its threads then. Loops look by themselves
+//! ([`ordered`](super::ordered)); work that takes longer than a second looks in between.
 
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
+use std::thread::Builder;
+use std::time::Duration;
 
-use super::{Error, Result};
+use crossbeam_channel::{RecvTimeoutError, bounded};
+
+use super::{Error, Progress, Result};
+
+/// Time between two looks at whether a job is to stop.
+const LOOK_INTERVAL: Duration = Duration::from_millis(50);
 
 thread_local! {
     /// The pool that this thread has entered.
     static ENTERED: RefCell<Option<Pool>> = const { RefCell::new(None) };
-    /// Whether this thread belongs to a pool whose files need not outlast a power cut.
-    static SKIPS_SYNC: Cell<bool> = const { Cell::new(false) };
+    /// What holds for the pool that this thread belongs to.
+    static TERMS: RefCell<Option<Arc<Terms>>> = const { RefCell::new(None) };
 }
 
 /// A thread pool.
 #[derive(Debug, Clone)]
 pub struct Pool {
     threads: Arc<rayon::ThreadPool>,
-    syncs: bool,
+    terms: Arc<Terms>,
+}
+
+/// What holds for all threads of a pool.
+#[derive(Debug)]
+struct Terms {
+    /// Whether files need not outlast a power cut.
+    skips_sync: bool,
+    is_stopped: AtomicBool,
 }
 
 /// A thread in a pool, until this is dropped.
@@ -36,7 +55,7 @@ impl Pool {
     /// # Errors
     /// [`Error::Io`] if the system refuses them.
     pub fn new(threads: usize) -> Result<Self> {
-        Self::start(threads, true)
+        Self::start(threads, false)
     }
 
     /// As [`new`](Self::new), for work whose files need not outlast a power cut: see [`skips_sync`].
@@ -44,18 +63,42 @@ impl Pool {
     /// # Errors
     /// Those of [`new`](Self::new).
     pub fn without_sync(threads: usize) -> Result<Self> {
-        Self::start(threads, false)
+        Self::start(threads, true)
     }
 
-    fn start(threads: usize, syncs: bool) -> Result<Self> {
-        let begin = move |_| SKIPS_SYNC.set(!syncs);
+    fn start(threads: usize, skips_sync: bool) -> Result<Self> {
+        let terms = Arc::new(Terms { skips_sync, is_stopped: AtomicBool::new(false) });
+        let theirs = Arc::clone(&terms);
+        let begin = move |_| TERMS.set(Some(Arc::clone(&theirs)));
         match rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(begin).build() {
-            Ok(pool) => Ok(Self { threads: Arc::new(pool), syncs }),
+            Ok(pool) => Ok(Self { threads: Arc::new(pool), terms }),
             Err(error) => {
                 let error = std::io::Error::other(format!("{error}; `threads: 1` needs fewer"));
                 Err(Error::io(Path::new("threads"), "start", error))
             }
         }
+    }
+
+    /// Does work in the pool, which stops once `progress` wants that.
+    ///
+    /// # Errors
+    /// Those of `work`; [`Error::Stopped`].
+    pub fn run<T>(self, progress: &dyn Progress, work: impl FnOnce() -> Result<T>) -> Result<T> {
+        let terms = Arc::clone(&self.terms);
+        std::thread::scope(|scope| {
+            let (over, end) = bounded::<()>(0);
+            let watch = move || {
+                while end.recv_timeout(LOOK_INTERVAL) == Err(RecvTimeoutError::Timeout) {
+                    if progress.is_stopped() {
+                        terms.is_stopped.store(true, Ordering::Relaxed);
+                    }
+                }
+            };
+            // Without that thread, the job stops where it asks `progress` itself.
+            let _ = Builder::new().spawn_scoped(scope, watch);
+            let (_inside, _over) = (self.enter(), over);
+            work()
+        })
     }
 
     /// Lets the data-parallel loops of this thread run in the pool.
@@ -83,7 +126,21 @@ impl Drop for InPool {
 
 /// Whether files that this thread writes need not outlast a power cut: they are not synced then.
 pub fn skips_sync() -> bool {
-    SKIPS_SYNC.get() || ENTERED.with_borrow(|pool| pool.as_ref().is_some_and(|pool| !pool.syncs))
+    is_so(|terms| terms.skips_sync)
+}
+
+/// Returns an error if the job of this thread is to stop. Costs some nanoseconds.
+///
+/// # Errors
+/// [`Error::Stopped`].
+pub fn check_stopped() -> Result<()> {
+    if is_so(|terms| terms.is_stopped.load(Ordering::Relaxed)) { Err(Error::Stopped) } else { Ok(()) }
+}
+
+/// Whether something holds for the pool that this thread belongs to, or has entered.
+fn is_so(holds: impl Fn(&Terms) -> bool) -> bool {
+    TERMS.with_borrow(|terms| terms.as_deref().is_some_and(&holds))
+        || ENTERED.with_borrow(|pool| pool.as_ref().is_some_and(|pool| holds(&pool.terms)))
 }
 
 /// Runs a data-parallel loop in the pool that this thread has entered.
@@ -106,6 +163,7 @@ pub fn thread_count() -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::threads;
 
     #[test]
     fn loops_run_in_the_pool_entered_last() {
@@ -121,7 +179,6 @@ mod tests {
 
     #[test]
     fn all_threads_of_a_pool_without_sync_skip_it() {
-        use crate::base::threads;
         let seen = || {
             let pool = in_parallel(|| rayon::broadcast(|_| skips_sync()));
             let beside = std::thread::scope(|scope| threads::start(scope, skips_sync).unwrap().join().unwrap());
@@ -132,6 +189,37 @@ mod tests {
         drop(inside);
         let _inside = Pool::new(2).unwrap().enter();
         assert_eq!(seen(), (false, vec![false; 2], false));
+    }
+
+    /// Stops the job from the start.
+    struct Stop;
+
+    impl Progress for Stop {
+        fn begin(&self, _phase: &'static str, _total: u64, _unit: &'static str) {}
+
+        fn advance(&self, _units: u64) {}
+
+        fn is_stopped(&self) -> bool {
+            true
+        }
+    }
+
+    #[test]
+    fn all_threads_of_a_pool_learn_that_its_job_is_to_stop() {
+        let until_stopped = || {
+            while check_stopped().is_ok() {
+                std::thread::yield_now();
+            }
+        };
+        let everywhere = || {
+            until_stopped();
+            in_parallel(|| rayon::broadcast(|_| until_stopped()));
+            std::thread::scope(|scope| threads::start(scope, until_stopped).unwrap().join().unwrap());
+            check_stopped()
+        };
+        let outcome = Pool::new(2).unwrap().run(&Stop, everywhere);
+        assert!(matches!(outcome, Err(Error::Stopped)));
+        assert!(check_stopped().is_ok());
     }
 
     #[test]

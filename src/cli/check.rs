@@ -105,7 +105,10 @@ impl Checked {
 }
 
 fn check(arguments: &CheckArguments, progress: &dyn Progress) -> Result<Checked> {
-    let _threads = Pool::without_sync(0)?.enter();
+    Pool::without_sync(0)?.run(progress, || check_in_pool(arguments, progress))
+}
+
+fn check_in_pool(arguments: &CheckArguments, progress: &dyn Progress) -> Result<Checked> {
     let CheckArguments { mesh, against, .. } = arguments;
     if mesh.is_dir() {
         let tiles = match against {
@@ -132,8 +135,7 @@ fn check_tiles_against(tiles: &Path, input: &Path, progress: &dyn Progress) -> R
 
 fn counts(path: &Path, progress: &dyn Progress) -> Result<Check> {
     let surface = with_scan(path, progress, |scan, _| Surface::load(&scan.mesh, &scan.catalogue))?;
-    progress.check_stopped()?;
-    Ok(weld_and_check(&surface))
+    weld_and_check(&surface)
 }
 
 /// Reads a mesh into a temporary folder, which is removed after `then` is done with it.

@@ -17,8 +17,9 @@ use serde::Serialize;
 
 use super::surface::Surface;
 use super::tjunction::count_t_junctions;
+use crate::base::Result;
 use crate::base::id::{TiSlice, TiVec};
-use crate::base::pool::in_parallel;
+use crate::base::pool::{check_stopped, in_parallel};
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::triangle::is_flat;
 use crate::mesh::id::{Corner, FaceId};
@@ -80,25 +81,31 @@ pub struct Check {
 
 /// Counts of a [welded](Surface::welded) surface; O(n log n).
 ///
+/// # Errors
+/// [`Error::Stopped`](crate::base::Error::Stopped).
+///
 /// # Panics
 /// If a face refers to a vertex or a texture coordinate that does not exist, or with more than 2³² / 3 faces.
-pub fn check(surface: &Surface) -> Check {
+pub fn check(surface: &Surface) -> Result<Check> {
     let edges = EdgeTable::of_whole(&surface.faces);
+    check_stopped()?;
     let counted = count(surface, &edges, |_, _| {});
     let counts = counted.counts.finished();
     let used = surface.positions.iter().zip(&counted.vertices).filter(|(_, at)| at.is_used());
     let bounds = Bounds::around(used.map(|(&position, _)| position));
     drop(counted);
+    check_stopped()?;
     let boundary = edges.boundary();
     let non_manifold_vertices = count_non_manifold_vertices(surface, &edges);
     let single_faces = count_single_faces(&surface.faces, &edges);
     drop(edges);
+    check_stopped()?;
 
     let largest = bounds.low.abs().max(bounds.high.abs()).max_element();
     let sound = || surface.faces.iter().filter(|face| !repeats_vertex(face));
     let flat = sound().filter(|face| has_no_area(face.map(|vertex| surface.positions[vertex]), largest));
     let topology = counts.topology;
-    Check {
+    Ok(Check {
         vertices: topology.vertices,
         faces: topology.faces,
         unused_vertices: surface.positions.len() as u64 - topology.vertices,
@@ -118,17 +125,21 @@ pub fn check(surface: &Surface) -> Check {
         uv: counts.uv,
         charts: topology.charts,
         seam_edges: topology.seam_edges,
-    }
+    })
 }
 
 /// Counts of a surface after welding it. Faces that repeat a position, which welding drops, count as degenerate.
 ///
+/// # Errors
+/// As [`check`].
+///
 /// # Panics
 /// As [`check`].
-pub fn weld_and_check(surface: &Surface) -> Check {
+pub fn weld_and_check(surface: &Surface) -> Result<Check> {
     let welded = surface.welded();
+    check_stopped()?;
     let dropped = surface.faces.len() - welded.faces.len();
-    Check { degenerate_faces: dropped as u64, ..check(&welded) }
+    Ok(Check { degenerate_faces: dropped as u64, ..check(&welded)? })
 }
 
 fn has_no_area([a, b, c]: [DVec3; 3], largest: f64) -> bool {

@@ -97,10 +97,11 @@ pub fn compare(
     progress: &dyn Progress,
 ) -> Result<Comparison> {
     let started = Instant::now();
-    let _threads = Pool::without_sync(options.resources.threads)?.enter();
     // A work folder that holds the folders of a comparison was left by a process that was killed.
     let is_own = !options.work.exists() || NAMES.iter().any(|name| options.work.join(name).exists());
-    let found = compare_in_cells([&original.into(), &result.into()], options, CELL_FACES, onlooker, progress);
+    let meshes = [&original.into(), &result.into()];
+    let found = Pool::without_sync(options.resources.threads)?
+        .run(progress, || compare_in_cells(meshes, options, CELL_FACES, onlooker, progress));
     if is_own {
         let _ = std::fs::remove_dir(&options.work);
     }

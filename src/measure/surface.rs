@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::base::id::{TiSlice, TiVec};
-use crate::base::pool::in_parallel;
+use crate::base::pool::{check_stopped, in_parallel};
 use crate::base::{Error, Result};
 use crate::file::PackedColumn;
 use crate::file::packed::Coordinates;
@@ -64,6 +64,7 @@ impl Surface {
             let damaged = |message| Error::Damaged { path: piece.faces.path().to_owned(), message };
             let vertex_limit = u64::from(numbering.own) + mesh.shared_count();
             for block in piece.faces.blocks() {
+                check_stopped()?;
                 piece.faces.read_block(&file, block, &mut bytes, &mut block_faces)?;
                 for face in &block_faces {
                     let missing = |&v: &u32| u64::from(v) >= vertex_limit;
@@ -155,6 +156,7 @@ impl Countable for Surface {
 fn append_column<T: Coordinates>(column: &PackedColumn<T>, out: &mut Vec<T>) -> Result<()> {
     out.reserve_exact(column.len() as usize);
     for range in column.ranges(WINDOW_RECORDS) {
+        check_stopped()?;
         out.extend_from_slice(&column.window(range)?);
     }
     Ok(())

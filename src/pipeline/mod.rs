@@ -111,7 +111,7 @@ fn run(job: &Preflight<'_>, work: &mut WorkFolder, progress: &dyn Progress) -> R
     let publisher = Publisher::prepare(job, &input, earlier, work)?;
 
     let mut painter = Painter::new(job, &input.catalogue, work, &admission, progress);
-    log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_before(start.unsimplified(), &mut log.findings));
+    log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_before(start.unsimplified(), &mut log.findings))?;
     let texturing = Texturing::prepare(job, &input, &mut start, work, &admission, progress)?;
     let options = admission.pass_options(job, texturing.catalogue(), input.triangles, painter.map())?;
     let passes = simplify_in_passes(start, &options, texturing.catalogue(), work, progress);
@@ -128,7 +128,7 @@ fn run(job: &Preflight<'_>, work: &mut WorkFolder, progress: &dyn Progress) -> R
         None => FinalMesh { mesh: &passes.mesh, catalogue: &input.catalogue },
     };
     let published = publisher.write_and_measure(&result, &passes, work, progress)?;
-    log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_after(&result, &mut log.findings));
+    log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_after(&result, &mut log.findings))?;
     let bake = baked.map(|baked| {
         log.findings.merge(baked.findings);
         (baked.figures, baked.work_bytes)

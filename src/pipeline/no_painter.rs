@@ -5,7 +5,7 @@ use std::convert::Infallible;
 use super::admission::Admission;
 use super::preflight::Preflight;
 use super::publish::FinalMesh;
-use crate::base::{Findings, Progress};
+use crate::base::{Findings, Progress, Result};
 use crate::job::WorkFolder;
 use crate::model::{Catalogue, StoredMesh};
 use crate::render::View;
@@ -26,9 +26,13 @@ impl NoPainter {
         Self
     }
 
-    pub fn draw_before(&mut self, _: Option<&StoredMesh>, _: &mut Findings) {}
+    pub fn draw_before(&mut self, _: Option<&StoredMesh>, _: &mut Findings) -> Result<()> {
+        Ok(())
+    }
 
-    pub fn draw_after(&mut self, _: &FinalMesh<'_>, _: &mut Findings) {}
+    pub fn draw_after(&mut self, _: &FinalMesh<'_>, _: &mut Findings) -> Result<()> {
+        Ok(())
+    }
 
     pub fn map(&self) -> Option<View> {
         None

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::admission::{Admission, MAP_SIZE};
 use super::preflight::Preflight;
 use super::publish::FinalMesh;
-use crate::base::{Findings, Progress, Result};
+use crate::base::{Error, Findings, Progress, Result};
 use crate::job::WorkFolder;
 use crate::model::{Catalogue, StoredMesh};
 use crate::options::Drawing;
@@ -56,21 +56,29 @@ impl<'a> Painter<'a> {
     }
 
     /// Draws the mesh as it was read, if it is still there.
-    pub fn draw_before(&mut self, mesh: Option<&StoredMesh>, findings: &mut Findings) {
+    ///
+    /// # Errors
+    /// [`Error::Stopped`].
+    pub fn draw_before(&mut self, mesh: Option<&StoredMesh>, findings: &mut Findings) -> Result<()> {
         if let Some(mesh) = mesh
             && self.drawing != Drawing::Nothing
-            && let Some((viewpoints, shots)) = self.draw(mesh, self.catalogue, None, findings)
+            && let Some((viewpoints, shots)) = self.draw(mesh, self.catalogue, None, findings)?
         {
             self.viewpoints = Some(viewpoints);
             self.before = shots;
         }
+        Ok(())
     }
 
     /// Draws the result from the same viewpoints.
-    pub fn draw_after(&mut self, result: &FinalMesh<'_>, findings: &mut Findings) {
+    ///
+    /// # Errors
+    /// [`Error::Stopped`].
+    pub fn draw_after(&mut self, result: &FinalMesh<'_>, findings: &mut Findings) -> Result<()> {
         if let Some(viewpoints) = self.viewpoints.take() {
-            self.after = self.draw(result.mesh, result.catalogue, Some(viewpoints), findings).map(|(_, shots)| shots);
+            self.after = self.draw(result.mesh, result.catalogue, Some(viewpoints), findings)?.map(|(_, shots)| shots);
         }
+        Ok(())
     }
 
     /// Viewpoint of the maps of clusters; `None` if none are drawn.
@@ -91,13 +99,15 @@ impl<'a> Painter<'a> {
         catalogue: &Catalogue,
         from: Option<Viewpoints>,
         findings: &mut Findings,
-    ) -> Option<(Viewpoints, Vec<Shot>)> {
+    ) -> Result<Option<(Viewpoints, Vec<Shot>)>> {
         self.progress.begin("draw", 0, "");
-        let drawn = self.try_draw(mesh, catalogue, from, findings);
-        drawn.unwrap_or_else(|error| {
-            findings.note("missing_renderings", || error.to_string());
-            None
-        })
+        match self.try_draw(mesh, catalogue, from, findings) {
+            Err(error) if !matches!(error, Error::Stopped) => {
+                findings.note("missing_renderings", || error.to_string());
+                Ok(None)
+            }
+            drawn => drawn,
+        }
     }
 
     fn try_draw(

@@ -105,21 +105,22 @@ impl<'a> Preflight<'a> {
     /// Those of [`WorkFolder::open_watched`], [`WorkFolder::finish`] and `work`.
     pub fn run<T>(&self, progress: &dyn Progress, work: impl FnOnce(&mut WorkFolder) -> Result<T>) -> Result<T> {
         let pool = if self.options.job.no_sync { Pool::without_sync } else { Pool::new };
-        let _threads = pool(self.threads)?.enter();
-        let resume = self.options.job.resume.into();
-        let mut folder = WorkFolder::open_watched(&self.work_path, &self.manifest, resume, progress)?;
-        if let Some(lending) = self.lending.clone() {
-            folder.lend_tasks(lending);
-        }
-        let outcome = work(&mut folder);
-        match &outcome {
-            Ok(_) => folder.finish(self.options.job.keep_work)?,
-            Err(error) => match folder.loss() {
-                Some(loss) => return Err(loss),
-                None => folder.note_failure(error),
-            },
-        }
-        outcome
+        pool(self.threads)?.run(progress, || {
+            let resume = self.options.job.resume.into();
+            let mut folder = WorkFolder::open_watched(&self.work_path, &self.manifest, resume, progress)?;
+            if let Some(lending) = self.lending.clone() {
+                folder.lend_tasks(lending);
+            }
+            let outcome = work(&mut folder);
+            match &outcome {
+                Ok(_) => folder.finish(self.options.job.keep_work)?,
+                Err(error) => match folder.loss() {
+                    Some(loss) => return Err(loss),
+                    None => folder.note_failure(error),
+                },
+            }
+            outcome
+        })
     }
 }
 

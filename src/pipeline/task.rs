@@ -71,10 +71,9 @@ fn work(stage: &Stage, task: &StageTask, limits: Limits, progress: &dyn Progress
     }
     let budget = memory::choose_budget(&SimplifyOptions { limits, ..SimplifyOptions::default() })?;
     let threads = memory::choose_threads(limits.threads, budget);
-    let _threads = Pool::new(threads)?.enter();
     let limits = WorkLimits { threads, work_bytes: budget.for_work() };
     progress.begin("task", task.amount, unit_of(stage.kind()));
-    match stage.kind() {
+    Pool::new(threads)?.run(progress, || match stage.kind() {
         #[cfg(feature = "images")]
         bake::BAKE => bake::do_task(stage, task, limits, progress),
         #[cfg(feature = "images")]
@@ -83,5 +82,5 @@ fn work(stage: &Stage, task: &StageTask, limits: Limits, progress: &dyn Progress
         lend_remesh::REMESH => lend_remesh::do_task(stage, task, limits, progress),
         lend_sweep::SWEEP => lend_sweep::do_task(stage, task, limits, progress),
         _ => Err(Error::Damaged { path: stage.path(), message: "it holds tasks of no known kind".into() }),
-    }
+    })
 }

@@ -17,6 +17,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::base::id::TiVec;
+use crate::base::pool::check_stopped;
 use crate::base::{Findings, Result};
 use crate::image::textures::TextureImages;
 use crate::measure::compare::cells::MeasuredMesh;
@@ -110,6 +111,7 @@ impl Scene for StoredScene<'_> {
     fn positions(&self, see: &mut dyn FnMut(&[DVec3])) -> Result<()> {
         for segment in self.mesh.position_columns() {
             for range in segment.ranges(SWEEP_RECORDS) {
+                check_stopped()?;
                 see(&segment.window(range)?);
             }
         }
@@ -130,15 +132,16 @@ impl Scene for StoredScene<'_> {
         let partition = partition::partition(self.mesh, self.catalogue, self.folder, "pass-view", &options)?;
         let scale = TextureScale::none(self.catalogue);
         let mut draw_source = |source: ClusterSource| {
+            check_stopped()?;
             source.mesh.face_ids().for_each(|face| draw(&self.triangle(&source, face)));
+            Ok(())
         };
         for cluster in partition.clusters() {
             match partition.weight(cluster) {
-                Some(_) => draw_source(cluster::load(&partition, self.mesh, self.catalogue, &scale, cluster)?),
-                None => heavy::load_in_blocks(&partition, self.mesh, self.catalogue, &scale, cluster, |source| {
-                    draw_source(source);
-                    Ok(())
-                })?,
+                Some(_) => draw_source(cluster::load(&partition, self.mesh, self.catalogue, &scale, cluster)?)?,
+                None => {
+                    heavy::load_in_blocks(&partition, self.mesh, self.catalogue, &scale, cluster, &mut draw_source)?
+                }
             }
         }
         partition.files().for_each(|path| _ = std::fs::remove_file(path));
@@ -153,6 +156,7 @@ impl Scene for MeasuredMesh {
 
     fn positions(&self, see: &mut dyn FnMut(&[DVec3])) -> Result<()> {
         for cell in &self.surface.cells {
+            check_stopped()?;
             let view = cell.view()?;
             see(&view.positions.iter().map(|&position| position + view.origin).collect::<Vec<_>>());
         }
@@ -161,6 +165,7 @@ impl Scene for MeasuredMesh {
 
     fn triangles(&self, _resources: &DrawResources, draw: &mut dyn FnMut(&Triangle)) -> Result<()> {
         for cell in &self.surface.cells {
+            check_stopped()?;
             let view = cell.view()?;
             for (number, face) in view.faces.iter().enumerate() {
                 let paint = match face.image.some() {

@@ -24,7 +24,9 @@ use glam::DVec3;
 
 use super::flat::{FlatChart, lay_flat};
 use super::types::Triangles;
+use crate::base::Result;
 use crate::base::id::{TiSlice, TiVec};
+use crate::base::pool::check_stopped;
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::triangle::{area, unit_normal};
 use crate::mesh::id::{FaceId, LocalVertex};
@@ -77,9 +79,12 @@ impl PartialOrd for Merge {
 }
 
 /// Makes charts whose sides are at most `room` texels long, and lays them flat.
-pub(super) fn charts(mesh: Triangles<'_>, texels: &TiSlice<FaceId, f64>, room: f64) -> Vec<FlatChart> {
+///
+/// # Errors
+/// [`Error::Stopped`](crate::base::Error::Stopped).
+pub(super) fn charts(mesh: Triangles<'_>, texels: &TiSlice<FaceId, f64>, room: f64) -> Result<Vec<FlatChart>> {
     let mut merging = Merging::begin(mesh, texels, room);
-    merging.run();
+    merging.run()?;
     merging.lay_flat()
 }
 
@@ -160,13 +165,15 @@ impl<'a> Merging<'a> {
         }
     }
 
-    fn run(&mut self) {
+    fn run(&mut self) -> Result<()> {
         while let Some(Merge { charts, .. }) = self.queue.pop() {
+            check_stopped()?;
             let are_there = charts.iter().all(|&chart| !self.charts[chart as usize].is_merged);
             if are_there && self.face_alike(charts) {
                 self.merge(charts);
             }
         }
+        Ok(())
     }
 
     /// Whether all triangles of two charts face along their common normal.
@@ -218,21 +225,21 @@ impl<'a> Merging<'a> {
     }
 
     /// Lays the charts flat; one that overlaps itself falls apart.
-    fn lay_flat(self) -> Vec<FlatChart> {
+    fn lay_flat(self) -> Result<Vec<FlatChart>> {
         let mut flat = Vec::new();
         let mut waiting: Vec<u32> =
             (0..self.charts.len() as u32).rev().filter(|&chart| !self.charts[chart as usize].is_merged).collect();
         while let Some(number) = waiting.pop() {
             let chart = &self.charts[number as usize];
             let texel = (chart.area / chart.texels).sqrt();
-            match (lay_flat(self.mesh, &chart.faces, chart.normal_sum, texel), chart.halves) {
+            match (lay_flat(self.mesh, &chart.faces, chart.normal_sum, texel)?, chart.halves) {
                 (Some(laid), _) => flat.push(laid),
                 (None, Some(halves)) => waiting.extend(halves),
                 // A triangle of any shape can be laid flat.
                 (None, None) => {}
             }
         }
-        flat
+        Ok(flat)
     }
 }
 

@@ -10,6 +10,7 @@ use glam::{DVec2, DVec3};
 use super::outline::{OutlineEdge, overlaps};
 use super::relax::relax;
 use super::types::Triangles;
+use crate::base::Result;
 use crate::geometry::triangle::area;
 use crate::mesh::id::{FaceId, LocalVertex};
 
@@ -27,7 +28,10 @@ pub struct FlatChart {
 
 /// Lays triangles flat; `None` if they would overlap or be stretched too much. Their normals must lie within 90 degrees of `normal`; `texel` is the
 /// length of a texel's side.
-pub(super) fn lay_flat(mesh: Triangles<'_>, faces: &[FaceId], normal: DVec3, texel: f64) -> Option<FlatChart> {
+///
+/// # Errors
+/// [`Error::Stopped`](crate::base::Error::Stopped).
+pub(super) fn lay_flat(mesh: Triangles<'_>, faces: &[FaceId], normal: DVec3, texel: f64) -> Result<Option<FlatChart>> {
     let axis = normal.normalize_or(DVec3::Z);
     let (across, along) = axis.any_orthonormal_pair();
     let mut number_of: HashMap<LocalVertex, usize> = HashMap::with_capacity(faces.len() + 2);
@@ -41,7 +45,18 @@ pub(super) fn lay_flat(mesh: Triangles<'_>, faces: &[FaceId], normal: DVec3, tex
     };
     let triangles: Vec<_> =
         faces.iter().map(|&face| (mesh.vertices[face].map(&mut number), mesh.corners(face))).collect();
-    let places = if faces.len() > 1 { relax(&triangles, places)? } else { places };
+    let places = if faces.len() > 1 { relax(&triangles, places)? } else { Some(places) };
+    Ok(places.and_then(|places| make_chart(mesh, faces, &triangles, &places, texel)))
+}
+
+/// The chart of triangles whose vertices were laid at these places, scaled and turned; `None` if they overlap.
+fn make_chart(
+    mesh: Triangles<'_>,
+    faces: &[FaceId],
+    triangles: &[([usize; 3], [DVec3; 3])],
+    places: &[DVec2],
+    texel: f64,
+) -> Option<FlatChart> {
     let corners = triangles.iter().map(|(vertices, _)| vertices.map(|vertex| places[vertex]));
     let mut laid: Vec<(FaceId, [DVec2; 3])> = faces.iter().copied().zip(corners).collect();
     let doubled_area = |corners: &[DVec2; 3]| (corners[1] - corners[0]).perp_dot(corners[2] - corners[0]);

@@ -28,10 +28,15 @@ pub use self::image_size::{GUTTER, ImageSize};
 pub use self::pack::{pack, room};
 pub use self::types::{ChartRoom, PlacedChart, Triangles, UnwrapSettings, Unwrapped};
 
+use crate::base::Result;
+
 /// Unwraps a patch.
-pub fn unwrap(mesh: Triangles<'_>, settings: &UnwrapSettings<'_>) -> Unwrapped {
-    let charts = charts::charts(mesh, settings.texels, room(settings.side));
-    pack(charts, settings.side)
+///
+/// # Errors
+/// [`Error::Stopped`](crate::base::Error::Stopped).
+pub fn unwrap(mesh: Triangles<'_>, settings: &UnwrapSettings<'_>) -> Result<Unwrapped> {
+    let charts = charts::charts(mesh, settings.texels, room(settings.side))?;
+    Ok(pack(charts, settings.side))
 }
 
 #[cfg(test)]

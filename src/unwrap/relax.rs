@@ -11,6 +11,9 @@
 
 use glam::{DVec2, DVec3};
 
+use crate::base::Result;
+use crate::base::pool::check_stopped;
+
 /// Sweeps over all vertices at most.
 const SWEEPS: usize = 48;
 /// A sweep that moves no vertex farther than this is the last, by the longest side of a triangle.
@@ -75,7 +78,10 @@ impl RigidTriangle {
 
 /// Moves the vertices of a chart, given by the triangles in space and where their corners lie flat. `None` if some triangle
 /// is stretched too much.
-pub(super) fn relax(triangles: &[([usize; 3], [DVec3; 3])], mut places: Vec<DVec2>) -> Option<Vec<DVec2>> {
+///
+/// # Errors
+/// [`Error::Stopped`](crate::base::Error::Stopped).
+pub(super) fn relax(triangles: &[([usize; 3], [DVec3; 3])], mut places: Vec<DVec2>) -> Result<Option<Vec<DVec2>>> {
     let elements: Vec<RigidTriangle> =
         triangles.iter().filter_map(|&(vertices, corners)| RigidTriangle::new(vertices, corners)).collect();
     let is_kept = |places: &[DVec2]| elements.iter().all(|element| element.stretch(places) <= STRETCH_MAX);
@@ -87,6 +93,7 @@ pub(super) fn relax(triangles: &[([usize; 3], [DVec3; 3])], mut places: Vec<DVec
     let sides = elements.iter().flat_map(|element| element.sides);
     let still_sq = STILL * STILL * sides.map(|side| side.length_squared()).fold(0.0, f64::max);
     for _ in 0..SWEEPS {
+        check_stopped()?;
         let mut moved_sq = 0.0_f64;
         let turns: Vec<DVec2> = elements.iter().map(|element| element.turn(&places)).collect();
         for (vertex, edges) in edges_of.iter().enumerate() {
@@ -109,5 +116,5 @@ pub(super) fn relax(triangles: &[([usize; 3], [DVec3; 3])], mut places: Vec<DVec
             break;
         }
     }
-    [places, seen].into_iter().find(|places| is_kept(places))
+    Ok([places, seen].into_iter().find(|places| is_kept(places)))
 }

@@ -33,7 +33,7 @@ impl Patch {
 
     fn unwrapped(&self, texel: f64, side: u32) -> Unwrapped {
         let texels: TiVec<FaceId, f64> = vec![texel; self.vertices.len()].into();
-        unwrap(self.triangles(), &UnwrapSettings { texels: &texels, side })
+        unwrap(self.triangles(), &UnwrapSettings { texels: &texels, side }).unwrap()
     }
 }
 

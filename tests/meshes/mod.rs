@@ -250,7 +250,7 @@ impl Mesh {
 
     /// Cracks, folds and the like.
     pub fn check(&self) -> Check {
-        weld_and_check(&self.surface)
+        weld_and_check(&self.surface).unwrap()
     }
 
     /// Sum of the triangles' areas.

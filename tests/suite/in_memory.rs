@@ -51,7 +51,7 @@ fn every_metric_reaches_its_target_and_tears_nothing() {
             report.is_reached && report.output <= report.target && report.output + 2 >= report.target,
             "{report:?}"
         );
-        let checks = [&before, &after].map(|mesh| weld_and_check(&Surface::from(mesh)));
+        let checks = [&before, &after].map(|mesh| weld_and_check(&Surface::from(mesh)).unwrap());
         let news = compare_checks(&checks[0], &checks[1]);
         assert!(news.is_empty(), "{metric:?}: {}", news.iter().map(ToString::to_string).collect::<Vec<_>>().join("; "));
     }

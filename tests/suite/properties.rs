@@ -216,7 +216,7 @@ fn news(sketch: &Sketch, choice: &Choice) -> Result<(), TestCaseError> {
     let may_grow = choice.remesh && choice.cluster_faces < 1000;
     prop_assert!(after.faces.len() <= before.faces.len() || may_grow);
     let count = if choice.weld { weld_and_check } else { check };
-    let (was, now) = (count(&before), count(&after));
+    let (was, now) = (count(&before).unwrap(), count(&after).unwrap());
     // An edge that loses all but two of its faces is manifold, and may be left with two that run the same way.
     let faulty = |check: &Check| check.inconsistent_edges + check.non_manifold_edges;
     prop_assert!(faulty(&now) <= faulty(&was), "{was:?} {now:?}");
