@@ -298,6 +298,11 @@ impl WorkFolder {
         self.lease.as_ref().map_or(Ok(()), |lease| lease.file().confirm_now())
     }
 
+    /// Whether it is known that this process lost the folder.
+    pub(crate) fn is_lost(&self) -> bool {
+        self.lease.as_ref().is_some_and(|lease| lease.file().outcome().is_err())
+    }
+
     /// Why this process lost the folder, if it did: what failed since failed because of that.
     pub fn loss(&self) -> Option<Error> {
         let lease = self.lease.as_ref()?.file();

@@ -2,9 +2,9 @@
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::meshes::{contents, copy_town, files, fixture, in_many_clusters, noise, ratio, terrain, town};
 use drystone::base::{ErrorKind, Progress, Result, Silent};
@@ -21,6 +21,9 @@ struct Careless {
     seed: usize,
     lent: AtomicUsize,
     done: AtomicUsize,
+    /// Tasks left out at first, and stages lent again.
+    left_out: AtomicUsize,
+    lent_again: AtomicUsize,
     seen: Mutex<HashSet<u64>>,
     kinds: Mutex<HashSet<String>>,
 }
@@ -38,7 +41,12 @@ impl Hands for Careless {
         let mut tasks: Vec<usize> = (0..stage.tasks().len()).collect();
         tasks.sort_by(|&a, &b| self.chance(a, 1).total_cmp(&self.chance(b, 1)));
         self.lent.fetch_add(1, Ordering::Relaxed);
-        for task in tasks.into_iter().filter(|&task| !is_first || self.chance(task, 2) > 0.2) {
+        self.lent_again.fetch_add(usize::from(!is_first), Ordering::Relaxed);
+        for task in tasks {
+            if is_first && self.chance(task, 2) < 0.2 {
+                self.left_out.fetch_add(1, Ordering::Relaxed);
+                continue;
+            }
             let work = || do_task(&stage.path(), task, LIMITS, &Silent);
             std::thread::scope(|scope| {
                 let twin = (self.chance(task, 3) > 0.7).then(|| scope.spawn(work));
@@ -54,6 +62,14 @@ impl Hands for Careless {
 
     fn patience(&self) -> Duration {
         Duration::from_millis(1)
+    }
+}
+
+impl Careless {
+    /// What was left out has been asked for again.
+    fn check_attempts(&self) {
+        let [left_out, again] = [&self.left_out, &self.lent_again].map(|count| count.load(Ordering::Relaxed));
+        assert_eq!(left_out > 0, again > 0, "{left_out} tasks were left out, {again} stages were lent again");
     }
 }
 
@@ -76,6 +92,7 @@ fn same_bytes(input: &Path, options: &SimplifyOptions, tasks: u32, seed: usize) 
     let report = pipeline::simplify(input, &helped.path().join("out.obj"), &options, &Silent).unwrap();
     assert_eq!(report.faces.output, expected.faces.output);
     assert!(result(alone.path()) == result(helped.path()), "{options:?}");
+    hands.check_attempts();
     assert_eq!(std::fs::read_dir(helped.path()).unwrap().count(), std::fs::read_dir(alone.path()).unwrap().count());
     hands.done.load(Ordering::Relaxed)
 }
@@ -138,6 +155,7 @@ fn files_are_read_elsewhere_as_here() {
         let options = SimplifyOptions { job: by(hands.clone(), tasks), ..options };
         let report = pipeline::simplify(&*input, &helped.join("out.obj"), &options, &Silent).unwrap();
         assert!(contents(&alone) == contents(&helped));
+        hands.check_attempts();
         assert!(hands.kinds.lock().unwrap().contains("scan"));
         assert_eq!(report.warnings, expected.warnings);
         assert!(!report.warnings.is_empty());
@@ -170,6 +188,7 @@ fn a_pyramid_has_the_same_bytes() {
         let report = pipeline::tile(&*input, &helped, &TileOptions { job: by(hands.clone(), 5), ..options }, &Silent);
         assert_eq!(report.unwrap().levels, expected.levels);
         assert!(contents(&alone) == contents(&helped));
+        hands.check_attempts();
         assert!(hands.kinds.lock().unwrap().contains("tile"));
     }
 }
@@ -285,6 +304,35 @@ fn a_task_that_fails_everywhere_is_not_tried_again() {
     let folder = tempfile::tempdir().unwrap();
     let error = town_elsewhere(folder.path(), Arc::new(Idle(Some(ErrorKind::Io)))).unwrap_err();
     assert!(error.to_string().contains("after 3 tries; task 1 failed on"), "{error}");
+}
+
+/// Waits until the job is to stop, which another process takes over meanwhile.
+#[derive(Debug, Default)]
+struct Overtaken {
+    is_told: AtomicBool,
+}
+
+impl Hands for Overtaken {
+    fn lend(&self, stage: &Stage, progress: &dyn Progress) -> Result<HandsEnd> {
+        let lease = stage.work().join("lease");
+        std::fs::remove_file(&lease).unwrap();
+        std::fs::write(&lease, "00000000000000aa 0000000000000001 another-machine 7").unwrap();
+        let began = Instant::now();
+        while !progress.is_stopped() && began.elapsed() < Duration::from_secs(60) {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        self.is_told.store(progress.is_stopped(), Ordering::Relaxed);
+        Err(drystone::Error::Stopped)
+    }
+}
+
+#[test]
+fn tasks_of_a_job_that_another_process_took_over_are_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let hands = Arc::new(Overtaken::default());
+    let error = town_elsewhere(folder.path(), hands.clone()).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Locked, "{error}");
+    assert!(hands.is_told.load(Ordering::Relaxed));
 }
 
 /// Finds a full disk, or a stage of another format.

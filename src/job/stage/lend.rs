@@ -108,7 +108,7 @@ impl WorkFolder {
         // What was taken is recorded; a task that is not, as after a power cut, must be done again.
         wanted.iter().for_each(|&task| drop(std::fs::remove_file(stage.file_of(&stage.tasks()[task], TAKEN))));
         self.note_steps();
-        let contents = have_done(lending, &stage, &wanted, progress)?;
+        let contents = have_done(lending, &stage, &wanted, &WhileHeld { folder: self, progress })?;
         self.confirm()?;
         let mut taken = Vec::with_capacity(wanted.len());
         for (task, contents) in wanted.into_iter().zip(contents) {
@@ -240,6 +240,30 @@ impl Missing {
     /// A failure that another try would end with, too.
     fn final_failure(&self) -> Option<(usize, TaskFailure)> {
         self.failures().find(|(_, failure)| failure.is_final())
+    }
+}
+
+/// Progress that stops what is done elsewhere for a folder that this process has lost.
+struct WhileHeld<'a> {
+    folder: &'a WorkFolder,
+    progress: &'a dyn Progress,
+}
+
+impl Progress for WhileHeld<'_> {
+    fn begin(&self, phase: &'static str, total: u64, unit: &'static str) {
+        self.progress.begin(phase, total, unit);
+    }
+
+    fn tell(&self, message: &str) {
+        self.progress.tell(message);
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.progress.is_stopped() || self.folder.is_lost()
+    }
+
+    fn advance(&self, units: u64) {
+        self.progress.advance(units);
     }
 }
 
