@@ -9,6 +9,7 @@ Meshes in files, of any size: `simplify`, `tile`, `plan`, `inspect`, `check`, `c
 of the command line. Meshes in numpy arrays: `simplify_mesh`. Errors: `drystone.errors`.
 """
 
+import logging
 from typing import TYPE_CHECKING, Any
 
 from drystone import errors
@@ -27,6 +28,7 @@ from drystone.errors import (
     LockedError,
     MissingInputError,
     NoSpaceError,
+    StoppedError,
     TargetMissed,
     TargetMissedError,
     UsageError,
@@ -71,6 +73,7 @@ __all__ = [
     "Report",
     "Status",
     "Stop",
+    "StoppedError",
     "TargetMissed",
     "TargetMissedError",
     "TilePlan",
@@ -89,6 +92,9 @@ __all__ = [
     "status",
     "tile",
 ]
+
+# A program that sets up no logging sees none.
+logging.getLogger("drystone").addHandler(logging.NullHandler())
 
 
 def __dir__() -> list[str]:

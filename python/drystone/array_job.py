@@ -78,7 +78,7 @@ class ArrayJob:
 
     def read(self, result: str) -> tuple[ArrayMesh, list[tuple[int, NDArray[np.uint8]]]]:
         """The result, and the label and pixels of each of its images."""
-        with _as_errors():
+        with _as_errors(result):
             mesh, images = array_file.read(result)
             self._written += [result, *(self.path(name) for _, name in images)]
             return mesh, [(label, _read_image(self.path(name))) for label, name in images]
@@ -95,7 +95,7 @@ class ArrayJob:
         """A new file that is named for its content once it is complete."""
         descriptor, partial = tempfile.mkstemp(f".{os.getpid()}.partial", prefix, self._folder)
         try:
-            with open(descriptor, "wb") as file:
+            with _as_errors(partial), open(descriptor, "wb") as file:
                 hashed = _HashedFile(file)
                 yield hashed
             name = self.path(f"{prefix}{hashed.hash.hexdigest()}{suffix}")
@@ -140,16 +140,17 @@ class _HashedFile:
 
 
 @contextmanager
-def _as_errors() -> Iterator[None]:
-    """Raises an OSError as the exception of drystone that fits."""
+def _as_errors(path: str | None = None) -> Iterator[None]:
+    """Raises an OSError as the exception of drystone that fits; one of a write names no file, which is `path` then."""
     try:
         yield
     except errors.DrystoneError:
         raise
     except OSError as error:
         kind = "no_space" if error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", None)) else "io"
-        name = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
-        raise errors.from_native(kind, f"{name}{error.strerror}", error.filename, error.errno) from error
+        name = path if error.filename is None else os.fsdecode(error.filename)
+        place = "" if name is None else f"{name}: "
+        raise errors.from_native(kind, f"{place}{error.strerror or error}", name, error.errno) from error
 
 
 def _make_folder(folder: str) -> None:
@@ -181,7 +182,8 @@ def _remove_if_empty(folder: str) -> None:
 
 
 def _read_image(path: str) -> NDArray[np.uint8]:
-    height, width, pixels = _native.decode_image(path)
+    with _as_errors(path):
+        height, width, pixels = _native.decode_image(path)
     return np.frombuffer(pixels, dtype=np.uint8).reshape(height, width, 3)
 
 

@@ -80,7 +80,7 @@ class DamagedError(DrystoneError):
 
 
 class LimitError(DrystoneError, OverflowError):
-    """The mesh has more vertices or faces than drystone can number."""
+    """The mesh has more vertices or faces than drystone can number, or a GLB would be larger than its format allows."""
 
 
 class TargetMissed(UserWarning):
@@ -107,6 +107,12 @@ class BoundBrokenError(DrystoneError):
     def __init__(self, message: str, report: Report | None = None) -> None:
         super().__init__(message, report)
         self.report = report
+
+
+class StoppedError(DrystoneError):
+    """A `Stop` stopped the job. The same call goes on."""
+
+    exit_code = 130
 
 
 class IoError(DrystoneError, OSError):
@@ -162,7 +168,7 @@ def _io_class(number: int | None) -> type[IoError]:
 
 def from_native(kind: str, message: str, path: bytes | str | None, number: int | None) -> DrystoneError:
     """The exception for an error of the native half; `number` is a line, an error number, or bytes."""
-    message = _with_keywords(message, kind in ("usage", "budget"))
+    message = with_keywords(message, kind in ("usage", "budget"))
     there = None if path is None else os.fsdecode(path)
     match kind:
         case "usage":
@@ -185,7 +191,7 @@ def from_native(kind: str, message: str, path: bytes | str | None, number: int |
         case "limit":
             return LimitError(message)
         case "stopped":
-            return DrystoneError("stopped")
+            return StoppedError("stopped")
         case "forked":
             return DrystoneError("this process was forked while a job ran, which goes on in the other one alone")
         case "internal":
@@ -195,7 +201,7 @@ def from_native(kind: str, message: str, path: bytes | str | None, number: int |
             return DrystoneError(message)
 
 
-def _with_keywords(message: str, is_of_arguments: bool) -> str:
+def with_keywords(message: str, is_of_arguments: bool) -> str:
     """Spells options as keywords: `'--max-error <LENGTH>'` and `--max-error` become `` `max_error` ``."""
 
     def keyword(match: re.Match[str]) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, Literal, Unpack, overload
 
 from drystone import _native
+from drystone import errors
 from drystone.errors import BoundBrokenError, TargetMissed, TargetMissedError
 from drystone.hands import Hands, starter
 from drystone.options import (
@@ -286,11 +287,22 @@ def status(work: PathLike) -> Status | Finished:
     return Finished.from_dict(value) if "output" in value else Status.from_dict(value)
 
 
+def _broken_bound(report: Report) -> str:
+    message = f"`max_error: {report.options.max_error}` is broken"
+    if report.comparison is None:
+        return message
+    geometry = report.comparison.geometry
+    ways = [(geometry.forward, "from the result to the input"), (geometry.backward, "from the input to the result")]
+    way, words = max(ways, key=lambda way: way[0].max)
+    place = f", at {' '.join(map(str, way.worst[0].position))}" if way.worst else ""
+    return f"{message}: the distance {words} is {way.max:.6g}{place}"
+
+
 def judge(report: Report, code: int, strict: bool, mesh: Any = None) -> None:
     """Raises or warns of what a finished run missed, and logs its warnings; `mesh` is a result that is in no file."""
     _warn(report.warnings)
     if code == 1:
-        raise BoundBrokenError(f"the result is farther from the input than `max_error: {report.options.max_error}`", report)
+        raise BoundBrokenError(_broken_bound(report), report)
     if report.status == "target-missed":
         message = f"{report.faces.output:,} triangles are left; the target was {report.faces.target:,}"
         if strict:
@@ -308,7 +320,7 @@ def _output(path: PathLike) -> list[str]:
 
 def _warn(messages: Iterable[str]) -> None:
     for message in messages:
-        logger.warning("%s", message)
+        logger.warning("%s", errors.with_keywords(message, True))
 
 
 def call(

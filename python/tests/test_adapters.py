@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import drystone
-from conftest import TOWN, grid
+from conftest import MINIATURES, TOWN, grid, read_obj
 from drystone import arrays
 
 
@@ -23,6 +23,23 @@ def colour_at(image, uv):
 def corners(mesh):
     """Position and texture coordinate of each corner of a Trimesh, once each."""
     return {tuple(row) for row in np.round(np.column_stack([mesh.vertices, mesh.visual.uv])[mesh.faces.ravel()], 5)}
+
+
+MESHES = [TOWN, *(path for path in sorted(MINIATURES.glob("*.obj")) if read_obj(path).faces.shape[1] == 3)]
+
+
+def coloured(path):
+    """A mesh of triangles, and a random colour for each position: vertices at the same one are merged."""
+    mesh = read_obj(path)
+    positions = np.unique(mesh.vertices, axis=0, return_inverse=True)[1].ravel()
+    colors = np.random.default_rng(3).integers(0, 256, (positions.max() + 1, 3)).astype(np.uint8)
+    return mesh, colors[positions]
+
+
+def triangles(*corners):
+    """Values of the corners of each triangle: its least corner first, and the triangles in order."""
+    rows = np.concatenate([values.reshape(len(values), 3, -1).astype(float) for values in corners], axis=2).tolist()
+    return sorted(min(row[k:] + row[:k] for k in range(3)) for row in rows)
 
 
 def test_trimesh_keeps_its_texture():
@@ -120,6 +137,60 @@ def test_pyvista_keeps_texture_coordinates_and_arrays():
         drystone.pyvista.simplify(mesh, ratio=0.3, textures="bake")
     with pytest.raises(TypeError, match="PolyData"):
         drystone.pyvista.simplify(pyvista.ImageData(dimensions=(2, 2, 2)), ratio=0.5)
+
+
+@pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
+def test_pyvista_keeps_a_whole_mesh(path):
+    pyvista = pytest.importorskip("pyvista")
+    import drystone.pyvista
+
+    source, colors = coloured(path)
+    own = np.arange(len(source.faces)) % 3 if source.face_material is None else source.face_material
+    pairs = np.stack([source.faces, source.faces if source.uv is None else source.face_uv], axis=-1)
+    known, places = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
+    mesh = pyvista.PolyData.from_regular_faces(source.vertices[known[:, 0]], places.reshape(-1, 3))
+    if source.uv is not None:
+        mesh.active_texture_coordinates = source.uv[known[:, 1]]
+    mesh.cell_data["own"], mesh.point_data["rgb"] = own, colors[known[:, 0]]
+    result = drystone.pyvista.simplify(mesh, material="own", colors="rgb", ratio=1.0)
+
+    def values(mesh):
+        faces, uv = mesh.regular_faces, mesh.active_texture_coordinates
+        materials = np.repeat(np.asarray(mesh.cell_data["own"])[:, None], 3, axis=1)
+        coordinates = [] if uv is None else [np.asarray(uv)[faces]]
+        return triangles(np.asarray(mesh.points)[faces], np.asarray(mesh.point_data["rgb"])[faces], materials, *coordinates)
+
+    assert values(result) == values(mesh) and len(values(mesh)) == len(source.faces)
+    assert result.points.dtype == np.float64 and result.point_data["rgb"].dtype == np.uint8
+
+
+@pytest.mark.parametrize("path", MESHES, ids=lambda path: path.stem)
+def test_open3d_keeps_a_whole_mesh(path):
+    open3d = pytest.importorskip("open3d", exc_type=ImportError)
+    import drystone.open3d
+
+    source, colors = coloured(path)
+    utility = open3d.utility
+    mesh = open3d.geometry.TriangleMesh(utility.Vector3dVector(source.vertices), utility.Vector3iVector(source.faces))
+    mesh.vertex_colors = utility.Vector3dVector(colors / 256)
+    if source.uv is not None:
+        mesh.triangle_uvs = utility.Vector2dVector(source.uv[source.face_uv].reshape(-1, 2))
+    if source.face_material is not None:
+        mesh.triangle_material_ids = utility.IntVector(source.face_material.astype(np.int32))
+    images = [np.full((4, 4, 3), value, np.uint8) for value in (40, 200)]
+    mesh.textures = [open3d.geometry.Image(image) for image in images]
+    result = drystone.open3d.simplify(mesh, ratio=1.0)
+
+    def values(mesh):
+        faces, ids, uv = (np.asarray(each) for each in (mesh.triangles, mesh.triangle_material_ids, mesh.triangle_uvs))
+        materials = [np.repeat(ids[:, None], 3, axis=1)] if len(ids) else []
+        coordinates = [uv.reshape(-1, 3, 2)] if len(uv) else []
+        return triangles(np.asarray(mesh.vertices)[faces], np.asarray(mesh.vertex_colors)[faces], *materials, *coordinates)
+
+    assert values(result) == values(mesh) and len(values(mesh)) == len(source.faces)
+    assert result.has_triangle_uvs() == mesh.has_triangle_uvs()
+    assert result.has_triangle_material_ids() == mesh.has_triangle_material_ids()
+    assert all(np.array_equal(np.asarray(found), image) for found, image in zip(result.textures, images, strict=True))
 
 
 def test_open3d_keeps_what_triangles_have():

@@ -5,7 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 import drystone
@@ -72,38 +72,139 @@ def _same(mesh, other):
     return all(np.array_equal(a, b) for a, b in zip(mesh[:6], other[:6]) if a is not None)
 
 
-FORMS = [
-    lambda a: np.asfortranarray(a),
-    lambda a: a[::-1][::-1],
-    lambda a: np.repeat(a, 2, axis=0)[::2],
-    lambda a: a.astype(a.dtype.newbyteorder(">")),
-    lambda a: a.tolist(),
-    memoryview,
-]
+INTEGERS = [*"bhilqBHILQ", ">i2", ">i4", ">i8", ">u2", ">u4", ">u8"]
+NUMBERS = [*INTEGERS, *"efdg", ">f2", ">f4", ">f8"]
+OTHERS = [*"?FDGO", "U3", "S3", "M8[s]", "m8[s]", "V8", [("x", "f8")]]
 
 
-@pytest.mark.parametrize("form", range(len(FORMS)))
-def test_layouts_do_not_matter(form):
-    vertices, faces = grid(12)
-    expected = drystone.simplify_mesh(vertices, faces, ratio=0.3)
-    assert _same(drystone.simplify_mesh(FORMS[form](vertices), FORMS[form](faces), ratio=0.3), expected)
+def _unaligned(array):
+    """The same numbers one byte beside where they should begin."""
+    raw = np.zeros(array.nbytes + 1, np.uint8)
+    out = raw[1:].view(array.dtype).reshape(array.shape)
+    out[...] = array
+    return out
 
 
-@pytest.mark.parametrize("kind", [np.int16, np.int32, np.int64, np.uint16, np.uint32, np.uint64])
-def test_kinds_of_indices_do_not_matter(kind):
-    vertices, faces = grid(12)
-    expected = drystone.simplify_mesh(vertices, faces, ratio=0.3)
-    assert _same(drystone.simplify_mesh(vertices, faces.astype(kind), ratio=0.3), expected)
+def _with_gaps(array):
+    """Each number is the middle one of three."""
+    out = np.zeros((*array.shape, 3), array.dtype)
+    out[..., 1] = array
+    return out[..., 1]
 
 
-def test_read_only_and_single_precision():
-    vertices, faces = grid(12)
-    vertices = vertices.astype(np.float32)
-    vertices.flags.writeable = faces.flags.writeable = False
-    mesh = drystone.simplify_mesh(vertices, faces, ratio=0.3)
-    assert mesh.vertices.dtype == np.float64 and mesh.faces.dtype == np.int32
-    assert _same(drystone.simplify_mesh(vertices.astype(np.float64), faces, ratio=0.3), mesh)
-    mesh.vertices[0] = 0
+def _of_records(array):
+    """A field of records of odd size."""
+    records = np.zeros(array.shape, [("before", "u1"), ("own", array.dtype), ("behind", "u2")])
+    records["own"] = array
+    return records["own"]
+
+
+def _read_only(array):
+    out = array.copy()
+    out.flags.writeable = False
+    return out
+
+
+LAYOUTS = {
+    "as they are": lambda a: a,
+    "Fortran": np.asfortranarray,
+    "rows backwards": lambda a: a[::-1].copy()[::-1],
+    "all backwards": lambda a: np.flip(np.flip(a).copy()),
+    "every other row": lambda a: np.repeat(a, 2, axis=0)[::2],
+    "gaps": _with_gaps,
+    "records": _of_records,
+    "unaligned": _unaligned,
+    "read-only": _read_only,
+    "memoryview": lambda a: memoryview(a.astype(a.dtype.newbyteorder("="))),
+    "lists": lambda a: a.tolist(),
+}
+
+
+def _small_mesh(is_padded):
+    """A mesh whose numbers every type that is accepted can hold, with all arrays that a mesh may have."""
+    chance = np.random.default_rng(7)
+    vertices, faces = grid(8)
+    vertices[:, 2] = chance.integers(0, 3, len(vertices))
+    if is_padded:
+        faces = np.column_stack([faces, np.full(len(faces), -1)])
+    return {
+        "vertices": vertices,
+        "faces": faces,
+        "uv": chance.integers(0, 9, (100, 2)),
+        "face_uv": np.where(faces < 0, -1, (faces + chance.integers(0, 2)) % 100),
+        "face_material": chance.integers(0, 2, len(faces)),
+        "vertex_colors": chance.integers(0, 100, (len(vertices), 3)).astype(float),
+    }
+
+
+def _formed(array, kind, layout):
+    """The numbers of an array as a type in a layout; None if there is no such array."""
+    try:
+        return LAYOUTS[layout](array.astype(kind))
+    except (TypeError, ValueError, BufferError):
+        return None
+
+
+def _is_refused(name, array):
+    """Whether an array is none of integers or, where any number will do, of numbers; or has lost its -1."""
+    values = np.asarray(array)
+    kinds = "iu" if name.startswith("face") else "iuf"
+    return values.dtype.kind not in kinds or (name == "faces" and values.shape[1] > 3 and values.min() >= 0)
+
+
+@pytest.fixture(scope="module")
+def results():
+    return {is_padded: drystone.simplify_mesh(**_small_mesh(is_padded), ratio=0.4) for is_padded in (False, True)}
+
+
+@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_types_and_layouts_do_not_matter(results, data):
+    is_padded = data.draw(st.booleans())
+    arrays = _small_mesh(is_padded)
+    layouts = {name: data.draw(st.sampled_from(list(LAYOUTS))) for name in arrays}
+    kinds = {name: data.draw(st.sampled_from(INTEGERS if name.startswith("face") else NUMBERS)) for name in arrays}
+    if data.draw(st.integers(0, 3)) == 0:
+        kinds[data.draw(st.sampled_from(list(arrays)))] = data.draw(st.sampled_from(NUMBERS + OTHERS))
+    given = {name: _formed(array, kinds[name], layouts[name]) for name, array in arrays.items()}
+    assume(all(array is not None for array in given.values()))
+    copies = {name: np.array(array) for name, array in given.items()}
+    refused = [name for name in given if _is_refused(name, given[name])]
+    if refused:
+        with pytest.raises(InputError, match=rf"^({'|'.join(refused)})\b"):
+            drystone.simplify_mesh(**given, ratio=0.4)
+        return
+    mesh = drystone.simplify_mesh(**given, ratio=0.4)
+    for name, copy in copies.items():
+        found, expected = getattr(mesh, name), getattr(results[is_padded], name)
+        if name == "vertex_colors" and copy.dtype.kind in "iu":
+            expected = np.rint(expected)
+        if name in ("vertex_colors", "face_material"):
+            expected = expected.astype(copy.dtype)
+        assert found.dtype == expected.dtype and np.array_equal(found, expected), name
+        assert found.flags.writeable and found.flags.c_contiguous, name
+        assert np.array_equal(given[name], copy), name
+
+
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_arrays_without_a_number_are_refused_by_name(data):
+    arrays = _small_mesh(is_padded=False)
+    shapes = st.lists(st.integers(0, 5), min_size=1, max_size=3).filter(lambda shape: 0 in shape)
+    for name in data.draw(st.lists(st.sampled_from(list(arrays)), min_size=1, unique=True)):
+        empty = np.zeros(data.draw(shapes), data.draw(st.sampled_from(NUMBERS + OTHERS)))
+        arrays[name] = data.draw(st.sampled_from([empty, empty.tolist()]))
+    with pytest.raises(InputError, match=rf"^({'|'.join(arrays)})\b|^the mesh: no faces"):
+        drystone.simplify_mesh(**arrays, ratio=0.5)
+
+
+def test_texture_coordinates_that_no_face_has_may_be_none():
+    vertices, faces = grid(8)
+    none = np.full_like(faces, -1)
+    plain = drystone.simplify_mesh(vertices, faces, ratio=0.4)
+    mesh = drystone.simplify_mesh(vertices, faces, uv=np.zeros((0, 2)), face_uv=none, ratio=0.4)
+    assert _same(mesh._replace(uv=None, face_uv=None), plain)
+    assert mesh.uv.shape == (0, 2) and np.array_equal(mesh.face_uv, np.full_like(mesh.faces, -1))
 
 
 def test_uv_of_vertices_come_back_as_such():

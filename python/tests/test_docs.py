@@ -1,5 +1,6 @@
 """What the guide, the docstrings and the types say holds."""
 
+import ast
 import doctest
 import importlib
 import inspect
@@ -17,14 +18,16 @@ import drystone
 from conftest import ROOT
 from drystone import options
 
-GUIDE = ROOT / "docs" / "guide" / "python.md"
+GUIDES = ROOT / "docs" / "guide"
+GUIDE = GUIDES / "python.md"
 PACKAGE = ROOT / "python"
 MODULES = ["", ".arrays", ".array_file", ".errors", ".files", ".options", ".progress", ".record", ".report"]
 
 
-def blocks(text: str) -> list[tuple[str, str, str]]:
-    """Indentation, language and code of each fenced block."""
-    return re.findall(r"^( *)```(\w*)\n(.*?)^ *```$", text, re.MULTILINE | re.DOTALL)
+def blocks(page: Path) -> list[tuple[str, str]]:
+    """Language and code of each fenced block."""
+    found = re.findall(r"^( *)```(\w*)\n(.*?)^ *```$", page.read_text(), re.MULTILINE | re.DOTALL)
+    return [(language, re.sub(f"^{indentation}", "", code, flags=re.MULTILINE)) for indentation, language, code in found]
 
 
 def test_the_guide_runs_and_prints_what_it_shows(tmp_path, monkeypatch):
@@ -34,8 +37,7 @@ def test_the_guide_runs_and_prints_what_it_shows(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     printed, count = "", 0
-    for indentation, language, code in blocks(GUIDE.read_text()):
-        code = "\n".join(line.removeprefix(indentation) for line in code.splitlines()) + "\n"
+    for language, code in blocks(GUIDE):
         if language == "python":
             out = io.StringIO()
             with contextlib.redirect_stdout(out):
@@ -53,6 +55,66 @@ def test_the_guide_names_everything_public():
     assert [name for name in missing if name not in ("Mesh",)] == []
 
 
+# A row of the table of calls: `plan(input, …)`, `plan(input, tile=True, …)` | words | `Plan`, `TilePlan`
+CALLS = re.compile(r"^\| (`\w+\([^|]*\)`) \|[^|]*\| ((?:`\w+`(?:, )?)+) \|$", re.MULTILINE)
+
+
+def forms_of(function) -> list:
+    """The overloads of a call, or the call."""
+    return typing.get_overloads(function) or [function]
+
+
+def test_the_guide_shows_the_calls_as_they_are():
+    shown = set()
+    for calls, results in CALLS.findall(GUIDE.read_text()):
+        calls = re.findall(r"`(\w+)\(([^`]*)\)`", calls)
+        (name,) = {name for name, _ in calls}
+        forms = forms_of(getattr(drystone, name))
+        for (_, text), form in zip(calls, forms, strict=True):
+            parameters = inspect.signature(form).parameters
+            has_more = text.endswith(", …")
+            call = ast.parse(f"f({text.removesuffix(', …')})", mode="eval").body
+            for keyword in call.keywords:
+                parameter, value = parameters[keyword.arg], ast.literal_eval(keyword.value)
+                assert value == parameter.default or value in typing.get_args(parameter.annotation), text
+            named = [argument.id for argument in call.args] + [keyword.arg for keyword in call.keywords]
+            in_order = [key for key, parameter in parameters.items() if parameter.kind is parameter.POSITIONAL_OR_KEYWORD]
+            assert named[: len(in_order)] == in_order, text
+            assert has_more == bool(parameters.keys() - {*named, "progress", "stop"}), text
+        returned = set().union(*(names_of(form.__annotations__["return"]) for form in forms))
+        assert set(re.findall(r"\w+", results)) == returned, name
+        shown.add(name)
+    public = {name for name in drystone.__all__ if inspect.isfunction(getattr(drystone, name))}
+    assert shown == public - {"simplify_mesh"}
+
+
+def names_of(hint) -> set[str]:
+    """Names of a class, or of the classes of a union."""
+    return {kind.__name__ for kind in typing.get_args(hint) or [hint]}
+
+
+def test_the_guide_shows_each_array_that_simplify_mesh_takes():
+    parameters = list(inspect.signature(drystone.simplify_mesh).parameters)
+    shown = re.findall(r"^\| ((?:`\w+`(?:, )?)+) \| \(\w", GUIDE.read_text(), re.MULTILINE)
+    assert set(re.findall(r"\w+", " ".join(shown))) == set(parameters[: parameters.index("texture")])
+
+
+def test_keywords_in_the_words_of_the_guide_are_keywords():
+    calls = [getattr(drystone, name) for name in drystone.__all__ if inspect.isfunction(getattr(drystone, name))]
+    known = set().union(*(keywords_of(form) for call in calls for form in forms_of(call)))
+    words = re.sub(r"```.*?```", "", GUIDE.read_text(), flags=re.DOTALL)
+    codes = [code for code in re.findall(r"`([^`]+)`", words) if not code.startswith("--")]
+    shown = set(re.findall(r"\b([a-z_]+)=", " ".join(codes)))
+    assert len(shown) >= 8 and shown <= known
+
+
+def test_the_adapters_take_a_mesh_as_the_guide_shows():
+    for library in ("trimesh", "pyvista", "open3d"):
+        assert f"`drystone.{library}.simplify(mesh, …)`" in GUIDE.read_text()
+        simplify = importlib.import_module(f"drystone.{library}").simplify
+        assert [*inspect.signature(simplify).parameters][0] == "mesh"
+
+
 @pytest.mark.parametrize("module", MODULES)
 def test_examples_in_docstrings(module):
     assert doctest.testmod(importlib.import_module(f"drystone{module}")).failed == 0
@@ -64,18 +126,42 @@ def flags_of(command: str) -> set[str]:
     return {flag.replace("-", "_") for flag in re.findall(r"^ +(?:-\w, )?--([a-z-]+)", text, re.MULTILINE)}
 
 
+def keywords_of(form) -> set[str]:
+    """Keywords that a call takes."""
+    parameters = inspect.signature(form).parameters.values()
+    names = {parameter.name for parameter in parameters}
+    packed = [parameter.annotation for parameter in parameters if parameter.kind is parameter.VAR_KEYWORD]
+    return names.union(*(typing.get_type_hints(typing.get_args(annotation)[0]) for annotation in packed))
+
+
 KEYWORDS = {"face_count": "faces", "metric_options": "metric_option"}
 OF_TERMINALS = {"help", "version", "json", "quiet", "format", "output"}
 OF_PYTHON = {"hands", "progress", "stop", "strict", "options", "input", "output", "tile"}
 
 
-@pytest.mark.parametrize("name", ["simplify", "tile", "compare", "inspect", "check"])
+# A plan takes them on the command line, and writes nothing that they could change.
+OF_RUNS = {"resume", "keep_work", "no_sync", "task_runner", "tasks", "task_tries", "force"}
+
+
+@pytest.mark.parametrize("name", ["simplify", "tile", "plan", "compare", "inspect", "check"])
 def test_keywords_are_the_options_of_the_command(name):
-    function = getattr(drystone, name)
-    found = set(inspect.signature(function).parameters) - OF_PYTHON
-    found |= {"simplify": options.FILE_KEYS, "tile": options.TILE_KEYS}.get(name, frozenset())
+    found = set().union(*map(keywords_of, forms_of(getattr(drystone, name)))) - OF_PYTHON
     positional = {"compare": {"original", "result"}, "check": {"mesh"}}.get(name, set())
-    assert {KEYWORDS.get(keyword, keyword) for keyword in found - positional} == flags_of(name) - OF_TERMINALS
+    left_out = OF_TERMINALS | ({"tile"} | OF_RUNS if name == "plan" else set())
+    assert {KEYWORDS.get(keyword, keyword) for keyword in found - positional} == flags_of(name) - left_out
+
+
+@pytest.mark.parametrize("of_tiles", [False, True])
+def test_a_plan_takes_the_keywords_that_its_types_have(of_tiles):
+    form = forms_of(drystone.plan)[of_tiles]
+    every = set().union(*(keywords_of(call) for call in [*forms_of(drystone.plan), drystone.simplify, drystone.tile]))
+    taken = set()
+    for keyword in every - {"input", "tile"}:
+        with pytest.raises((TypeError, ValueError)) as caught:
+            drystone.plan("gone.obj", tile=of_tiles, **{keyword: object()})
+        if "unexpected keyword" not in str(caught.value):
+            taken.add(keyword)
+    assert taken == keywords_of(form) - {"input", "tile", "options"}
 
 
 def test_choices_are_those_of_the_command():
@@ -100,6 +186,23 @@ def test_every_public_item_has_a_docstring():
 def test_types_are_strict():
     pytest.importorskip("mypy")
     done = subprocess.run([sys.executable, "-m", "mypy"], cwd=PACKAGE, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+# Pages on engines have functions without types, and import what need not be installed.
+RELAXED = "# mypy: allow-untyped-defs, check-untyped-defs, disable-error-code=import-not-found\n"
+PAGES = {PACKAGE / "README.md": "", GUIDE: "", GUIDES / "machines.md": RELAXED, GUIDES / "many-jobs.md": RELAXED}
+
+
+def test_the_code_of_each_page_has_strict_types(tmp_path):
+    pytest.importorskip("mypy")
+    programs = []
+    for page, settings in PAGES.items():
+        codes = [code for language, code in blocks(page) if language == "python"]
+        assert codes
+        programs.append(tmp_path / f"{page.stem.lower().replace('-', '_')}.py")
+        programs[-1].write_text(settings + "".join(codes))
+    done = subprocess.run([sys.executable, "-m", "mypy", *programs], cwd=PACKAGE, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
 
 
