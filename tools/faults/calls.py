@@ -6,8 +6,10 @@ linker is).
 
 import hashlib
 import os
+import shlex
 import shutil
 import subprocess
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,9 +41,12 @@ def read_log(path):
 
 
 class Job:
-    """A simplification below `folder`: work in work/, the result in out/, where an older one stands before it."""
+    """A simplification below `folder`: work in work/, the result in out/, where an older one stands before it.
 
-    def __init__(self, folder, binary, mesh):
+    With tasks, other processes do them, and the calls are those of the `coordinator` alone or of its `tasks` alone.
+    """
+
+    def __init__(self, folder, binary, mesh, tasks=None):
         self.folder = Path(os.path.realpath(folder))
         self.root = self.folder / "disk"
         self.out, self.result, self.work = self.root / "out", self.root / "out" / "result.obj", self.root / "work"
@@ -51,11 +56,21 @@ class Job:
         subprocess.run(["cc", "-O2", "-shared", "-fPIC", "-o", self.library, source, "-ldl", "-lpthread"], check=True)
         command = [Path(binary).resolve(), "simplify", Path(mesh).resolve(), "-o", self.result, "--work", self.work]
         command += ["--ratio", "0.1", "--cluster-faces", "2000", "--memory", "256MiB", "--threads", "2", "--force", "--quiet"]
+        self.tasks = tasks
+        if tasks:
+            task = shlex.join([str(Path(binary).resolve()), "task"]) + " {stage} N --threads 1 --memory 256MiB --quiet"
+            line = f'seq 0 {{last}} | xargs -P {1 if tasks == "tasks" else 2} -I N env LD_PRELOAD="$TASK_PRELOAD" {task}'
+            command += ["--task-runner", line, "--tasks", "4"]
         self.command = list(map(str, command))
 
     def empty(self):
         """Nothing is there."""
-        shutil.rmtree(self.root, ignore_errors=True)
+        # Tasks of a job that was killed may still be at work.
+        for _ in range(100):
+            shutil.rmtree(self.root, ignore_errors=True)
+            if not self.root.exists():
+                break
+            time.sleep(0.1)
         self.root.mkdir()
 
     def fresh(self):
@@ -66,10 +81,12 @@ class Job:
 
     def run(self, **settings):
         """Runs the program; with settings, under calls.c."""
-        environment = dict(os.environ)
+        environment = dict(os.environ, TASK_PRELOAD="")
         if settings:
-            environment |= {"LD_PRELOAD": str(self.library), "FAULT_ROOT": str(self.root)} | settings
-        return subprocess.run(self.command, env=environment, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+            loaded = "TASK_PRELOAD" if self.tasks == "tasks" else "LD_PRELOAD"
+            environment |= {loaded: str(self.library), "FAULT_ROOT": str(self.root)} | settings
+        streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+        return subprocess.run(self.command, env=environment, text=True, **streams)
 
     def record(self):
         """Every call of an undisturbed run."""
