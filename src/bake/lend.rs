@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use super::arithmetic;
 pub use super::crew::BAKE;
 use super::crew::PatchCrew;
 use super::original::Original;
@@ -17,7 +18,6 @@ use crate::lend::{LentItem, LentResult, LentWork, details_of};
 use crate::model::image_format::ImageFormat;
 use crate::model::{Catalogue, StoredMesh, StoredPiece};
 use crate::partition::{Partition, TextureScale};
-use crate::passes::arithmetic;
 
 /// What a process that does tasks of a stage needs.
 #[derive(Deserialize)]
@@ -65,11 +65,12 @@ impl LentResult for BakedPatch {
 /// Does a task of a stage of patches, within limits of memory and threads.
 ///
 /// # Errors
+/// [`Error::Changed`](crate::base::Error::Changed) on a machine that computes something else.
 /// [`Error::Damaged`](crate::base::Error::Damaged) if the stage holds none; on a full disk, failed reads and writes, and
 /// damaged files.
 pub fn do_task(stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &dyn Progress) -> Result<()> {
     let details: BakeDetails = details_of(stage)?;
-    arithmetic::refuse_other(stage, arithmetic::usual_cost())?;
+    stage.check_arithmetic(arithmetic::checksum(details.format)?)?;
     let BakeDetails { original, mesh, partition, catalogue, lengths: [texel, away], side, format, .. } = &details;
     let painters = painter_count(*side, limits);
     let settings = PatchSettings { texel: *texel, away: *away, side: *side, painters };

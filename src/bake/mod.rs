@@ -17,6 +17,7 @@
 //! A patch: 4.3 bytes for each texel of one image, and its triangles (600 bytes each). A painter, of which there is one
 //! for each thread: 7 MiB for samples, and 4 MiB of tiles.
 
+pub mod arithmetic;
 mod canvas;
 mod catalogue;
 mod closest;

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::arithmetic;
 use super::catalogue::image_catalogue;
 use super::crew::{BAKE, PatchCrew, piece_path};
 use super::original::{Original, OriginalSurface};
@@ -18,7 +19,6 @@ use crate::lend::{Lendable, LentItem, LentResults, encoded, lend};
 use crate::model::{Catalogue, StoredMesh, StoredPiece};
 use crate::os::system;
 use crate::partition::{self, ClusterId, Partition, PartitionOptions, PieceContent, TextureScale, write_shared};
-use crate::passes::arithmetic;
 
 /// Share of an image that charts are taken to fill, when the size of a patch is chosen.
 const FILL: f64 = 0.55;
@@ -262,7 +262,7 @@ impl<'a> Baking<'a> {
             items: LentItem::clusters_of(partition),
             prefix: BakeStep::PREFIX_OF_PATCHES.to_owned(),
             parent: Some(PATCHES),
-            arithmetic: &arithmetic::usual_checksum,
+            arithmetic: &|| arithmetic::checksum(self.settings.format),
             is_counted: true,
             is_read_whole: false,
         };

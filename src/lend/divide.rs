@@ -37,7 +37,7 @@ pub struct Lendable<'a, I> {
     /// The step that they are computed from, if there is one.
     pub parent: Option<StepKey>,
     /// Computes the checksum of what the program makes of a small mesh; only where items are lent.
-    pub arithmetic: &'a dyn Fn() -> u64,
+    pub arithmetic: &'a dyn Fn() -> Result<u64>,
     /// Whether the phase counts their sizes.
     pub is_counted: bool,
     /// Whether files that they become are read whole before they are taken: those that may hold colours, whose blocks
@@ -85,7 +85,7 @@ pub fn lend<I: Id>(
     }
     let order = Order {
         build: BUILD.to_owned(),
-        arithmetic: (what.arithmetic)(),
+        arithmetic: (what.arithmetic)()?,
         kind: what.kind.to_owned(),
         tasks: what.tasks(lending.tasks as usize),
         is_read_whole: what.is_read_whole,

@@ -1,4 +1,4 @@
-//! A checksum of what the engine makes of a small mesh: processes whose processor or mathematics differ have another
+//! A checksum of what is made of a small mesh: processes whose processor or mathematics differ have another
 //! one, and would write other bytes.
 
 use glam::DVec3;
@@ -7,18 +7,17 @@ use xxhash_rust::xxh3::Xxh3;
 use super::metric_engine::EngineRules;
 use super::options::Cost;
 use super::stop_rule::{ClusterStop, Wanted};
-use crate::base::error::escape_path;
 use crate::base::id::TiVec;
-use crate::base::{Error, Result};
 use crate::cost::Weights;
 use crate::cost::mesh_stats::MeshStats;
-use crate::job::stage::Stage;
 use crate::mesh::ClusterMesh;
 use crate::model::id::{PartId, Texcoord};
 use crate::model::{Catalogue, Face};
 use crate::partition::TextureScale;
 use crate::partition::id::PartitionVertex;
 use crate::partition::reading::ClusterFaces;
+use crate::remesh::cvd::mass::MassSums;
+use crate::remesh::cvd::{self, CvdSettings, FrozenStatistics, Stock};
 
 /// Vertices along a side of the mesh.
 const SIDE: u32 = 24;
@@ -26,7 +25,7 @@ const SIDE: u32 = 24;
 const LEFT: u64 = 300;
 
 /// Simplifies a small textured hill by this cost; returns a checksum of the result.
-pub fn checksum(cost: Cost) -> u64 {
+pub fn of_collapses(cost: Cost) -> u64 {
     let mesh = hill();
     let mut engine = cost.engine();
     if engine.needs_statistics() {
@@ -36,7 +35,28 @@ pub fn checksum(cost: Cost) -> u64 {
         engine.normalise(&stats);
     }
     let stop = ClusterStop::Faces(vec![0.5, 0.2], LEFT);
-    let mesh = engine.simplify(mesh, &EngineRules::default(), &stop, Wanted::Mesh).mesh.unwrap_or_default();
+    of_mesh(&engine.simplify(mesh, &EngineRules::default(), &stop, Wanted::Mesh).mesh.unwrap_or_default())
+}
+
+/// Remeshes it by these settings; returns a checksum of the result.
+pub fn of_remeshing(settings: &CvdSettings) -> u64 {
+    let mut mesh = hill();
+    let mut sums = MassSums::default();
+    cvd::weigh(&mesh, settings, &mut sums);
+    let frame = FrozenStatistics::new(&sums, settings);
+    let mut stock = Stock::default();
+    stock.merge(&cvd::take_stock(&mesh, settings, &frame));
+    let frame = FrozenStatistics { threshold: stock.threshold(&frame), ..frame };
+    cvd::reconstruct(&mut mesh, settings, &frame);
+    of_mesh(&mesh)
+}
+
+/// Checksum for tasks that only read.
+pub fn of_any() -> u64 {
+    of_collapses(Cost::Surface(Weights::default()))
+}
+
+fn of_mesh(mesh: &ClusterMesh) -> u64 {
     let mut hash = Xxh3::new();
     for face in mesh.living_faces() {
         hash.update(bytemuck::cast_slice(&mesh.triangle(face).map(|p| p.to_array())));
@@ -45,29 +65,8 @@ pub fn checksum(cost: Cost) -> u64 {
     hash.digest()
 }
 
-/// Checksum by the cost that other machines are compared by where no cost is given.
-pub fn usual_checksum() -> u64 {
-    checksum(usual_cost())
-}
-
-/// The cost that other machines are compared by where no cost is given.
-pub fn usual_cost() -> Cost {
-    Cost::Surface(Weights::default())
-}
-
-/// Refuses to do tasks of a stage where the engine makes something else of the same mesh.
-///
-/// # Errors
-/// [`Error::Changed`].
-pub fn refuse_other(stage: &Stage, cost: Cost) -> Result<()> {
-    if stage.arithmetic() == checksum(cost) {
-        return Ok(());
-    }
-    let words = "this machine computes other results than the one that began the job";
-    Err(Error::Changed(format!("{}: {words}", escape_path(&stage.path()))))
-}
-
-fn hill() -> ClusterMesh {
+/// A small textured hill.
+pub fn hill() -> ClusterMesh {
     let vertex = |x: u32, y: u32| SIDE * y + x;
     let of_all = |make: &dyn Fn(f64, f64) -> DVec3| -> Vec<DVec3> {
         (0..SIDE * SIDE).map(|i| make(f64::from(i % SIDE), f64::from(i / SIDE))).collect()
@@ -96,7 +95,16 @@ mod tests {
     #[test]
     fn it_is_the_same_each_time_and_another_one_for_another_cost() {
         let cost = Cost::Surface(Weights::default());
-        assert_eq!(checksum(cost), checksum(cost));
-        assert_ne!(checksum(cost), checksum(Cost::Surface(Weights { uv: 0.0, ..Weights::default() })));
+        assert_eq!(of_collapses(cost), of_collapses(cost));
+        assert_ne!(of_collapses(cost), of_collapses(Cost::Surface(Weights { uv: 0.0, ..Weights::default() })));
+    }
+
+    #[test]
+    fn remeshing_has_one_for_each_settings() {
+        let settings = CvdSettings::default();
+        let other = CvdSettings { cells: Some(60), ..settings };
+        assert_eq!(of_remeshing(&settings), of_remeshing(&settings));
+        assert_ne!(of_remeshing(&settings), of_remeshing(&other));
+        assert_ne!(of_remeshing(&settings), of_mesh(&hill()));
     }
 }

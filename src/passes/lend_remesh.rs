@@ -5,7 +5,6 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::arithmetic;
-use super::options::Cost;
 use super::remesh::{RemeshPass, RemeshedCluster, Remesher, remesh_bytes};
 use super::run::Run;
 use super::steps::PassStep;
@@ -29,7 +28,6 @@ struct RemeshDetails {
     mesh: StoredMesh,
     catalogue: Catalogue,
     scale: TextureScale,
-    cost: Cost,
     cluster_faces: u64,
 }
 
@@ -56,12 +54,11 @@ impl Run<'_> {
             items: LentItem::clusters_of(partition),
             prefix: PassStep::prefix_of_clusters(number, 0),
             parent: Some(PassStep::Stops { pass: number, attempt: 0 }.key()),
-            arithmetic: &|| arithmetic::checksum(self.options.cost),
+            arithmetic: &|| Ok(arithmetic::of_remeshing(settings)),
             is_counted: true,
             is_read_whole: mesh.has_colours(),
         };
-        let (cost, cluster_faces) = (self.options.cost, self.options.cluster_faces);
-        let details = (settings, frame, partition, mesh, catalogue, scale, cost, cluster_faces);
+        let details = (settings, frame, partition, mesh, catalogue, scale, self.options.cluster_faces);
         lend(self.job, &what, || encoded(&details), self.progress)
     }
 }
@@ -75,11 +72,12 @@ impl LentResult for RemeshedCluster {
 /// Does a task of a stage of clusters that are remeshed, within limits of memory and threads.
 ///
 /// # Errors
+/// [`Error::Changed`](crate::base::Error::Changed) on a machine that computes something else.
 /// [`Error::Damaged`](crate::base::Error::Damaged) if the stage holds none; on a full disk, failed reads and writes, and
 /// damaged files.
 pub fn do_task(stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &dyn Progress) -> Result<()> {
     let details: RemeshDetails = details_of(stage)?;
-    arithmetic::refuse_other(stage, details.cost)?;
+    stage.check_arithmetic(arithmetic::of_remeshing(&details.settings))?;
     let RemeshDetails { settings, frame, partition, mesh, catalogue, scale, .. } = &details;
     let remesher = Remesher { settings, frame, partition, mesh, catalogue, scale };
     let work = LentWork {

@@ -62,7 +62,7 @@ impl Run<'_> {
             items: LentItem::clusters_of(sweep.partition),
             prefix: sweep.prefix_of_several(),
             parent: Some(sweep.parent()),
-            arithmetic: &|| arithmetic::checksum(self.options.cost),
+            arithmetic: &|| Ok(arithmetic::of_collapses(self.options.cost)),
             is_counted: !sweep.plan.is_trial(),
             is_read_whole: self.state.mesh.has_colours(),
         };
@@ -82,11 +82,12 @@ impl LentResult for ClusterResult {
 /// Does a task of a stage of clusters, within limits of memory and threads.
 ///
 /// # Errors
+/// [`Error::Changed`](crate::base::Error::Changed) on a machine that computes something else.
 /// [`Error::Damaged`](crate::base::Error::Damaged) if the stage holds none; on a full disk, failed reads and writes, and
 /// damaged files.
 pub fn do_task(stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &dyn Progress) -> Result<()> {
     let details: SweepDetails = details_of(stage)?;
-    arithmetic::refuse_other(stage, details.cost)?;
+    stage.check_arithmetic(arithmetic::of_collapses(details.cost))?;
     let mut engine = details.cost.engine();
     engine.learn_seam_density(details.texture.seam_density);
     if let Some(stats) = &details.stats {

@@ -66,7 +66,7 @@ pub(super) fn lend_files(
         items: items(inputs),
         prefix: PREFIX.to_owned(),
         parent: None,
-        arithmetic: &arithmetic::usual_checksum,
+        arithmetic: &|| Ok(arithmetic::of_any()),
         is_counted: true,
         is_read_whole: true,
     };
@@ -95,7 +95,7 @@ pub(super) fn do_task(
     progress: &dyn Progress,
 ) -> Result<()> {
     let ScanDetails { inputs, changed: times, .. } = details_of(stage)?;
-    arithmetic::refuse_other(stage, arithmetic::usual_cost())?;
+    stage.check_arithmetic(arithmetic::of_any())?;
     let paths: Vec<PathBuf> = inputs.iter().map(|input| input.path.clone()).collect();
     let folder = stage.path().with_file_name("");
     let read = |file: FileId| {

@@ -13,13 +13,12 @@ use super::scene::TileScene;
 use super::settings::TileSettings;
 use super::steps::TileStep;
 use super::tree::TileId;
-use crate::bake::Original;
+use crate::bake::{Original, arithmetic};
 use crate::base::{Progress, Result, WorkLimits};
 use crate::job::stage::{Stage, StageTask};
 use crate::job::{Recalled, WorkFolder};
 use crate::lend::{Lendable, LentItem, LentResult, LentResults, LentWork, details_of, encoded, lend};
 use crate::model::StoredPiece;
-use crate::passes::arithmetic;
 use crate::surface::cells::SurfaceCells;
 
 /// Kind of the stages whose tasks are done by [`do_task`].
@@ -84,7 +83,7 @@ impl LevelPlan<'_> {
             items: one_by_one(tiles),
             prefix: TileStep::prefix_of_tiles(level),
             parent: Some(TileStep::Cut { level }.key()),
-            arithmetic: &arithmetic::usual_checksum,
+            arithmetic: &|| arithmetic::checksum(self.settings.format),
             is_counted: true,
             is_read_whole: false,
         };
@@ -103,11 +102,12 @@ fn one_by_one(tiles: &[TileId]) -> Vec<LentItem<TileId>> {
 /// Does a task of a stage of tiles, within limits of memory and threads.
 ///
 /// # Errors
+/// [`Error::Changed`](crate::base::Error::Changed) on a machine that computes something else.
 /// [`Error::Damaged`](crate::base::Error::Damaged) if the stage holds none; on a full disk, failed reads and writes, and
 /// damaged files.
 pub fn do_task(stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &dyn Progress) -> Result<()> {
     let details: TileDetails = details_of(stage)?;
-    arithmetic::refuse_other(stage, arithmetic::usual_cost())?;
+    stage.check_arithmetic(arithmetic::checksum(details.settings.format)?)?;
     let plan = LevelPlan {
         scene: &details.scene,
         settings: &details.settings,

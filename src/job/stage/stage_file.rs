@@ -150,9 +150,16 @@ impl Stage {
         &self.order.build
     }
 
-    /// Checksum of what that program made of a small mesh.
-    pub fn arithmetic(&self) -> u64 {
-        self.order.arithmetic
+    /// Refuses to do tasks where another checksum comes of the same small surface than where the stage was made.
+    ///
+    /// # Errors
+    /// [`Error::Changed`].
+    pub fn check_arithmetic(&self, own: u64) -> Result<()> {
+        if own == self.order.arithmetic {
+            return Ok(());
+        }
+        let words = "this machine computes other results than the one that began the job";
+        Err(Error::Changed(format!("{}: {words}", escape_path(&self.path()))))
     }
 
     /// What is done.
@@ -194,5 +201,33 @@ impl Stage {
     pub fn is_under_way(&self) -> bool {
         let bytes = fs::read(self.path()).unwrap_or_default();
         bytes.get(HEADER_BYTES as usize..).is_some_and(|content| xxh3_64(content) == self.id)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_machine_that_computes_something_else_is_refused() {
+        let work = tempfile::tempdir().unwrap();
+        let task = StageTask {
+            key: StepKey::numbered("pass-0-clusters-0-000000-1".to_owned()),
+            first: 0,
+            count: 1,
+            amount: 1,
+        };
+        let order = Order {
+            build: BUILD.to_owned(),
+            arithmetic: 7,
+            kind: "sweep".to_owned(),
+            tasks: vec![task],
+            is_read_whole: false,
+            details: Vec::new(),
+        };
+        let stage = Stage::place(work.path(), order).unwrap();
+        let read = Stage::open(&stage.path()).unwrap().unwrap();
+        assert!(read.check_arithmetic(7).is_ok());
+        assert!(matches!(read.check_arithmetic(8), Err(Error::Changed(_))));
     }
 }
