@@ -152,7 +152,8 @@ def tile(
     return TileReport.from_dict(value)
 
 
-OF_PLAN = {"ratio", "face_count", "max_error", "machines", "shared_bandwidth"}
+OF_PLAN = {"machines", "shared_bandwidth", "exclude", "memory", "threads", "work"}
+TARGETS = {"ratio", "face_count", "max_error"}
 
 
 @overload
@@ -186,6 +187,8 @@ def plan(
     memory: Size | None = None,
     threads: int | None = None,
     work: PathLike | None = None,
+    machines: int | None = None,
+    shared_bandwidth: Size | None = None,
     progress: Progress = None,
     stop: _native.Stop | None = None,
 ) -> TilePlan: ...
@@ -201,8 +204,8 @@ def plan(
 
     Reads the input once and writes nothing. Takes the options of these calls that shape the job.
     """
-    of_kind = {"tile_faces", "tile_side", "image", "compress"} if tile else FILE_KEYS | OF_PLAN
-    refuse_unknown("plan", options, of_kind | {"exclude", "memory", "threads", "work"})
+    of_kind = {"tile_faces", "tile_side", "image", "compress"} if tile else FILE_KEYS | TARGETS
+    refuse_unknown("plan", options, of_kind | OF_PLAN)
     options = dict(options, exclude=texts(options.get("exclude", ())), work=_path(options.get("work")))
     arguments = ["plan", *(["--tile"] if tile else []), *flags(options), "--", *paths(input)]
     _, value = call(arguments, progress, stop)

@@ -604,6 +604,7 @@ class TilePlan(Record):
     scratch: Scratch
     output_bytes: int
     seconds: float
+    machines: PlannedMachines | None
     warnings: tuple[str, ...]
 
 

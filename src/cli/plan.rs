@@ -10,7 +10,7 @@ use super::print::{print, print_json};
 use super::progress::{tell, told};
 use crate::base::{Error, Progress, Result, bytes, quantity};
 use crate::options::{TileCompression, TileOptions};
-use crate::plan::{self, Plan};
+use crate::plan::{self, Plan, PyramidPlan};
 use crate::report;
 
 /// Arguments of `drystone plan`.
@@ -33,7 +33,7 @@ pub struct PlanArguments {
     #[arg(help_heading = heading::TARGET)]
     compress: TileCompression,
     /// Predict what this many machines would bring, each with as many threads: docs/guide/machines.md
-    #[arg(long, value_name = "COUNT", conflicts_with = "tile", help_heading = heading::JOB)]
+    #[arg(long, value_name = "COUNT", help_heading = heading::JOB)]
     #[arg(value_parser = quantity::parse_whole::<u32>)]
     machines: Option<u32>,
     /// With --machines: what their shared disk moves in a second for all of them, such as 1.1GB [default: no limit]
@@ -66,12 +66,28 @@ impl PlanArguments {
     }
 
     fn plan(&self, progress: &dyn Progress) -> Result<Plan> {
+        self.check_machines()?;
         let plan = plan::plan(self.input.choice(), &self.flags.options(), progress)?;
         Ok(match self.machines {
-            Some(0) => return Err(Error::Usage("`machines: 0`: expected 1 or more".into())),
             Some(machines) => plan.on_machines(machines, self.shared_bandwidth),
             None => plan,
         })
+    }
+
+    fn plan_tiles(&self, progress: &dyn Progress) -> Result<PyramidPlan> {
+        self.check_machines()?;
+        let plan = plan::plan_tiles(self.input.choice(), &self.tile_options(), progress)?;
+        Ok(match self.machines {
+            Some(machines) => plan.on_machines(machines, self.shared_bandwidth),
+            None => plan,
+        })
+    }
+
+    fn check_machines(&self) -> Result<()> {
+        if self.machines == Some(0) {
+            return Err(Error::Usage("`machines: 0`: expected 1 or more".into()));
+        }
+        Ok(())
     }
 
     fn show(&self, plan: &impl Serialize, table: &str, warnings: &[String]) -> Result<()> {
@@ -93,8 +109,7 @@ fn parse_bandwidth(text: &str) -> std::result::Result<u64, String> {
 /// Those of [`plan::plan`] and [`plan::plan_tiles`].
 pub fn answer(arguments: &PlanArguments, progress: &dyn Progress) -> Result<CommandAnswer> {
     if arguments.tile {
-        let input = arguments.input.choice();
-        return CommandAnswer::new(0, &plan::plan_tiles(input, &arguments.tile_options(), progress)?);
+        return CommandAnswer::new(0, &arguments.plan_tiles(progress)?);
     }
     CommandAnswer::new(0, &arguments.plan(progress)?)
 }
@@ -107,8 +122,7 @@ pub fn answer(arguments: &PlanArguments, progress: &dyn Progress) -> Result<Comm
 pub fn run(arguments: &PlanArguments) -> Result<u8> {
     let told = told(arguments.quiet);
     if arguments.tile {
-        let input = arguments.input.choice();
-        let plan = plan::plan_tiles(input, &arguments.tile_options(), &*told)?;
+        let plan = arguments.plan_tiles(&*told)?;
         drop(told);
         arguments.show(&plan, &plan.table(), &plan.warnings)?;
         plan.scratch.refuse_small_disk()?;

@@ -12,9 +12,10 @@ use serde::Serialize;
 
 use super::bake;
 use super::bake_forecast::BakeTask;
+use super::machines::PlannedPyramid;
 use super::memory::{self, Sizes};
 use super::time::speed_up;
-use super::{InputFigures, ScratchFigures, duration, row, scratch};
+use super::{InputFigures, MachinesForecast, ScratchFigures, duration, put_machines, row, scratch};
 use crate::base::{MemoryBudget, Progress, Result, bytes, counted, grouped};
 use crate::options::{ImageFormat, TileCompression, TileOptions};
 use crate::os::system;
@@ -84,6 +85,8 @@ pub struct PyramidPlan {
     pub output_bytes: u64,
     /// Time in seconds.
     pub seconds: f64,
+    /// What several machines would bring; `None` if that was not asked for.
+    pub machines: Option<MachinesForecast>,
     /// Warnings: inputs that may hold one surface twice, images that are missing, and patterns that exclude nothing.
     pub warnings: Vec<String>,
 }
@@ -133,6 +136,7 @@ pub fn plan_tiles(
         output_bytes: levels.iter().map(|level| level.bytes).sum(),
         levels,
         seconds: core_seconds / speed_up(threads, u64::MAX),
+        machines: None,
         warnings: findings.warnings(),
     })
 }
@@ -181,6 +185,20 @@ fn texel_bytes(image: ImageFormat) -> f64 {
 }
 
 impl PyramidPlan {
+    /// The plan with a prediction for several machines; `bandwidth` is what their shared disk moves in a second, in bytes.
+    pub fn on_machines(self, machines: u32, bandwidth: Option<u64>) -> Self {
+        let levels = self.levels.len() as u64;
+        let pyramid = PlannedPyramid {
+            seconds: self.seconds,
+            input_bytes: self.input.bytes,
+            scratch_bytes: self.scratch.bytes,
+            output_bytes: self.output_bytes,
+            // Two passes make a level; its tiles are lent once.
+            stages: 3 * levels,
+        };
+        Self { machines: Some(MachinesForecast::of_pyramid(&pyramid, machines, bandwidth)), ..self }
+    }
+
     /// The plan as a table for people.
     pub fn table(&self) -> String {
         let mut text = String::new();
@@ -198,6 +216,7 @@ impl PyramidPlan {
         row(&mut text, "scratch", &self.scratch.words("about"));
         let threads = counted(self.threads, "thread");
         let _ = writeln!(text, "{:10}about {} on {threads} with a core each", "time", duration(self.seconds));
+        self.machines.iter().for_each(|machines| put_machines(&mut text, machines));
         text
     }
 }
@@ -238,5 +257,7 @@ mod tests {
         assert_eq!(plan.input.triangles, 18_218);
         assert!(plan.levels.len() > 2 && plan.memory < plan.budget);
         assert!(plan.table().contains("level 0") && plan.table().contains("scratch"), "{}", plan.table());
+        let on_four = plan.on_machines(4, Some(1_000_000_000));
+        assert!(on_four.table().contains("4 machines on a shared disk"), "{}", on_four.table());
     }
 }
