@@ -60,11 +60,17 @@ impl Hands for PythonHands {
                 Err(RecvTimeoutError::Disconnected) => Ok(HandsEnd::Unsure),
                 Err(RecvTimeoutError::Timeout) if !progress.is_stopped() => continue,
                 Err(RecvTimeoutError::Timeout) if stopping.get_or_insert_with(Instant::now).elapsed() < GRACE => {
+                    self.is_stopped.store(true, Ordering::Relaxed);
                     continue;
                 }
                 Err(RecvTimeoutError::Timeout) => Err(Error::Stopped),
             };
-            return if progress.is_stopped() { Err(Error::Stopped) } else { outcome };
+            if progress.is_stopped() {
+                // Also if the job has lost its work folder, which the caller cannot know.
+                self.is_stopped.store(true, Ordering::Relaxed);
+                return Err(Error::Stopped);
+            }
+            return outcome;
         }
     }
 }

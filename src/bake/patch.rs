@@ -123,7 +123,7 @@ impl<'a> PatchBaker<'a> {
     /// Unwraps a patch; texels are `coarser` times as long as they are elsewhere.
     ///
     /// # Errors
-    /// On failed reads.
+    /// If the job is to stop; on failed reads.
     pub fn unwrap(&self, patch: &PatchSurface<'_>, coarser: f64) -> Result<Unwrapped> {
         let mut texels = texel_lengths(self.original, patch, self.texel)?;
         texels.iter_mut().for_each(|texel| *texel *= coarser);

@@ -49,7 +49,7 @@ pub fn map_in_order<T: Send, R: Send>(
 /// worked on alone.
 ///
 /// # Errors
-/// Those of `work` and `commit`.
+/// As [`map_in_order`].
 ///
 /// # Panics
 /// Propagates a panic of `work`.
@@ -80,7 +80,7 @@ pub struct Crew {
 /// Maps `items` like [`map_in_order`], in two steps: `work` computes, `finish` waits for the disk.
 ///
 /// # Errors
-/// Those of `work`, `finish` and `commit`.
+/// Those of `work`, `finish` and `commit`; as [`map_in_order`].
 ///
 /// # Panics
 /// Propagates a panic of `work` or `finish`.
@@ -281,8 +281,8 @@ fn alone(steps: &dyn LoopSteps, commit: Commit<'_>) -> Result<()> {
     while let Some(place) = steps.take() {
         steps.work(place)?;
         steps.finish(place)?;
-        check_stopped()?;
         commit(place)?;
+        check_stopped()?;
     }
     Ok(())
 }
@@ -302,8 +302,8 @@ fn commit_in_order(
         early.insert(place, outcome);
         while let Some(outcome) = early.remove(&next) {
             outcome.unwrap_or_else(|panic| resume_unwind(panic))?;
-            check_stopped()?;
             commit(next)?;
+            check_stopped()?;
             next += 1;
             let _ = credits.send(());
         }
@@ -335,6 +335,22 @@ pub fn both<A: Send, B>(threads: usize, first: impl FnOnce() -> A + Send, second
 mod tests {
     use super::*;
     use crate::base::Error;
+
+    #[test]
+    fn loops_of_a_job_that_is_to_stop_end_early() {
+        use crate::base::pool::{Pool, tests::AtOnce};
+        for (threads, finishers) in [(1, 0), (3, 0), (3, 2)] {
+            let mut committed = 0;
+            let count = |_| {
+                committed += 1;
+                Ok(())
+            };
+            let crew = Crew { threads, finishers };
+            let outcome = Pool::new(2).unwrap().run(&AtOnce, || finish_in_order(0..1000, crew, 4, Ok, Ok, count));
+            assert!(matches!(outcome, Err(Error::Stopped)), "{threads} {finishers}: {outcome:?}");
+            assert_eq!(committed, 1);
+        }
+    }
 
     #[test]
     fn the_results_are_the_same_with_few_threads_or_none() {

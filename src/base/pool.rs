@@ -3,8 +3,8 @@
 //! Each job has a pool of its own; rayon's global pool stays untouched, so that a host program can use it as it likes.
 //! The job's thread enters the pool, and the threads that [`threads`](super::threads) starts from there inherit it.
 //!
-//! A job that is to stop tells its pool: [`check_stopped`] fails on all of its threads then. Loops look by themselves
-//! ([`ordered`](super::ordered)); work that takes longer than a second looks in between.
+//! A job that is to stop tells its pool: [`check_stopped`] fails on all of its threads then. Loops over items look by
+//! themselves ([`ordered`](super::ordered)), once an item is committed; long work on one item looks in between.
 
 use std::cell::RefCell;
 use std::path::Path;
@@ -79,19 +79,23 @@ impl Pool {
         }
     }
 
-    /// Does work in the pool, which stops once `progress` wants that.
+    /// Runs `work` in the pool; its loops fail with [`Error::Stopped`] once `progress` asks for that.
     ///
     /// # Errors
     /// Those of `work`; [`Error::Stopped`].
     pub fn run<T>(self, progress: &dyn Progress, work: impl FnOnce() -> Result<T>) -> Result<T> {
         let terms = Arc::clone(&self.terms);
         std::thread::scope(|scope| {
+            let look = move || {
+                if progress.is_stopped() {
+                    terms.is_stopped.store(true, Ordering::Relaxed);
+                }
+            };
+            look();
             let (over, end) = bounded::<()>(0);
             let watch = move || {
                 while end.recv_timeout(LOOK_INTERVAL) == Err(RecvTimeoutError::Timeout) {
-                    if progress.is_stopped() {
-                        terms.is_stopped.store(true, Ordering::Relaxed);
-                    }
+                    look();
                 }
             };
             // Without that thread, the job stops where it asks `progress` itself.
@@ -161,7 +165,7 @@ pub fn thread_count() -> usize {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::base::threads;
 
@@ -192,9 +196,9 @@ mod tests {
     }
 
     /// Stops the job from the start.
-    struct Stop;
+    pub struct AtOnce;
 
-    impl Progress for Stop {
+    impl Progress for AtOnce {
         fn begin(&self, _phase: &'static str, _total: u64, _unit: &'static str) {}
 
         fn advance(&self, _units: u64) {}
@@ -217,7 +221,7 @@ mod tests {
             std::thread::scope(|scope| threads::start(scope, until_stopped).unwrap().join().unwrap());
             check_stopped()
         };
-        let outcome = Pool::new(2).unwrap().run(&Stop, everywhere);
+        let outcome = Pool::new(2).unwrap().run(&AtOnce, everywhere);
         assert!(matches!(outcome, Err(Error::Stopped)));
         assert!(check_stopped().is_ok());
     }

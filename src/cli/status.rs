@@ -350,7 +350,8 @@ impl JobStatus {
         if let Some(stage) = &self.stage {
             let failed =
                 if stage.tasks_failed > 0 { format!(", {} failed", stage.tasks_failed) } else { String::new() };
-            let _ = writeln!(text, "stage      {} of {} tasks done{failed}", stage.tasks_done, stage.tasks);
+            let _ =
+                writeln!(text, "stage      {}, {} of {} tasks done{failed}", stage.kind, stage.tasks_done, stage.tasks);
             if let Some(failure) = &stage.last_failure {
                 let _ = writeln!(text, "           {failure}");
             }

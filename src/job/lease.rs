@@ -11,6 +11,7 @@
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant, SystemTime};
@@ -58,6 +59,8 @@ pub(super) struct LeaseFile {
     /// Number of this process.
     number: u64,
     state: Mutex<LeaseState>,
+    /// Whether the state has a loss: seen without waiting for a disk that hangs.
+    is_lost: AtomicBool,
 }
 
 #[derive(Debug)]
@@ -100,7 +103,7 @@ impl Lease {
         let path = folder.join(LEASE);
         let number = new_job_number(&path);
         let state = LeaseState { beats: 0, seen: now(), loss: None };
-        let file = LeaseFile { path, number, state: Mutex::new(state) };
+        let file = LeaseFile { path, number, state: Mutex::new(state), is_lost: AtomicBool::new(false) };
         for _ in 0..TRIES {
             let was_foreign = file.watch(patience, progress)?;
             if !file.create()? {
@@ -184,6 +187,16 @@ impl LeaseFile {
         }
     }
 
+    /// Whether it is known that the lease was lost.
+    pub(super) fn is_lost(&self) -> bool {
+        self.is_lost.load(Ordering::Relaxed)
+    }
+
+    fn lose(&self, state: &mut LeaseState, loss: Loss) {
+        state.loss = Some(loss);
+        self.is_lost.store(true, Ordering::Relaxed);
+    }
+
     /// Looks whether the lease is this process's own, and renews it.
     fn look(&self) -> io::Result<()> {
         let mut state = lock(&self.state);
@@ -194,13 +207,13 @@ impl LeaseFile {
         let mut options = File::options();
         let file = match no_links(options.read(true).write(true)).open(&self.path) {
             Err(error) if error.kind() == ErrorKind::NotFound => {
-                state.loss = Some(Loss::Gone);
+                self.lose(&mut state, Loss::Gone);
                 return Ok(());
             }
             opened => opened?,
         };
         if read_lease(&file)?.get(..NUMBER_DIGITS) != self.text(0).get(..NUMBER_DIGITS) {
-            state.loss = Some(Loss::Replaced);
+            self.lose(&mut state, Loss::Replaced);
             return Ok(());
         }
         state.beats += 1;

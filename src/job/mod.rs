@@ -300,7 +300,7 @@ impl WorkFolder {
 
     /// Whether it is known that this process lost the folder.
     pub(crate) fn is_lost(&self) -> bool {
-        self.lease.as_ref().is_some_and(|lease| lease.file().outcome().is_err())
+        self.lease.as_ref().is_some_and(|lease| lease.file().is_lost())
     }
 
     /// Why this process lost the folder, if it did: what failed since failed because of that.

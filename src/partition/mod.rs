@@ -92,7 +92,7 @@ pub struct Partition {
 /// Partitions a mesh. Writes files to `folder`, with names that begin with `name`.
 ///
 /// # Errors
-/// On a full disk, failed reads and writes, and damaged files.
+/// If the job is to stop; on a full disk, failed reads and writes, and damaged files.
 pub fn partition(
     mesh: &StoredMesh,
     catalogue: &Catalogue,

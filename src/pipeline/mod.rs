@@ -128,7 +128,7 @@ fn run(job: &Preflight<'_>, work: &mut WorkFolder, progress: &dyn Progress) -> R
         None => FinalMesh { mesh: &passes.mesh, catalogue: &input.catalogue },
     };
     let published = publisher.write_and_measure(&result, &passes, work, progress)?;
-    log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_after(&result, &mut log.findings))?;
+    log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_after(&result, &mut log.findings));
     let bake = baked.map(|baked| {
         log.findings.merge(baked.findings);
         (baked.figures, baked.work_bytes)

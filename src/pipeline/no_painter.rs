@@ -30,9 +30,7 @@ impl NoPainter {
         Ok(())
     }
 
-    pub fn draw_after(&mut self, _: &FinalMesh<'_>, _: &mut Findings) -> Result<()> {
-        Ok(())
-    }
+    pub fn draw_after(&mut self, _: &FinalMesh<'_>, _: &mut Findings) {}
 
     pub fn map(&self) -> Option<View> {
         None

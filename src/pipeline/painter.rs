@@ -22,7 +22,8 @@ pub(super) fn peak_bytes(work_bytes: u64) -> u64 {
     gallery::peak_bytes(work_bytes)
 }
 
-/// Draws the meshes of a run. An error becomes a warning, since the result does not need the renderings.
+/// Draws the meshes of a run. An error becomes a warning, since the result does not need the renderings; a stop ends a job
+/// whose result is not complete.
 pub(super) struct Painter<'a> {
     catalogue: &'a Catalogue,
     folder: PathBuf,
@@ -70,15 +71,12 @@ impl<'a> Painter<'a> {
         Ok(())
     }
 
-    /// Draws the result from the same viewpoints.
-    ///
-    /// # Errors
-    /// [`Error::Stopped`].
-    pub fn draw_after(&mut self, result: &FinalMesh<'_>, findings: &mut Findings) -> Result<()> {
+    /// Draws the result from the same viewpoints. The result is complete: a job that is to stop goes without the drawing.
+    pub fn draw_after(&mut self, result: &FinalMesh<'_>, findings: &mut Findings) {
         if let Some(viewpoints) = self.viewpoints.take() {
-            self.after = self.draw(result.mesh, result.catalogue, Some(viewpoints), findings)?.map(|(_, shots)| shots);
+            let drawn = self.draw(result.mesh, result.catalogue, Some(viewpoints), findings);
+            self.after = drawn.ok().flatten().map(|(_, shots)| shots);
         }
-        Ok(())
     }
 
     /// Viewpoint of the maps of clusters; `None` if none are drawn.

@@ -89,7 +89,7 @@ impl Viewpoints {
     /// Views of a mesh that fill the renderings; `None` if it has no extent.
     ///
     /// # Errors
-    /// On failed reads.
+    /// If the job is to stop; on failed reads.
     pub fn of(scene: &dyn Scene) -> Result<Option<Self>> {
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (mut sum, mut count) = (DVec3::ZERO, 0.0);
@@ -140,7 +140,7 @@ pub struct Shot {
 /// Draws a mesh from all viewpoints.
 ///
 /// # Errors
-/// On a full disk, failed reads and writes.
+/// If the job is to stop; on a full disk, failed reads and writes.
 pub fn draw(
     scene: &dyn Scene,
     from: &Viewpoints,

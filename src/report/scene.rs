@@ -52,13 +52,13 @@ pub trait Scene {
     /// Passes all positions to `look`, many at a time; some may come more than once.
     ///
     /// # Errors
-    /// On failed reads.
+    /// If the job is to stop; on failed reads.
     fn positions(&self, see: &mut dyn FnMut(&[DVec3])) -> Result<()>;
 
     /// Passes every triangle to `draw`.
     ///
     /// # Errors
-    /// On a full disk, failed reads and writes.
+    /// If the job is to stop; on a full disk, failed reads and writes.
     fn triangles(&self, resources: &DrawResources, draw: &mut dyn FnMut(&Triangle)) -> Result<()>;
 }
 

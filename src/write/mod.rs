@@ -261,8 +261,8 @@ pub fn remove_waiting_of(output: &Path, job: u64) {
 ///
 /// # Errors
 /// [`Error::Usage`] if the output exists and `force` is not set, or if it is a file of the input; [`Error::NoSpace`]
-/// and [`Error::Io`] from the file system; [`Error::Damaged`] if the files of the mesh are inconsistent. An existing
-/// result is then unchanged, and no file of the new one is left.
+/// and [`Error::Io`] from the file system; [`Error::Damaged`] if the files of the mesh are inconsistent;
+/// [`Error::Stopped`]. An existing result is then unchanged, and no file of the new one is left.
 pub fn stage(
     mesh: &StoredMesh,
     catalogue: &Catalogue,

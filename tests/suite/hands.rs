@@ -314,9 +314,9 @@ struct Overtaken {
 
 impl Hands for Overtaken {
     fn lend(&self, stage: &Stage, progress: &dyn Progress) -> Result<HandsEnd> {
-        let lease = stage.work().join("lease");
-        std::fs::remove_file(&lease).unwrap();
-        std::fs::write(&lease, "00000000000000aa 0000000000000001 another-machine 7").unwrap();
+        let [lease, theirs] = ["lease", "lease.theirs"].map(|name| stage.work().join(name));
+        std::fs::write(&theirs, "00000000000000aa 0000000000000001 another-machine 7").unwrap();
+        std::fs::rename(&theirs, &lease).unwrap();
         let began = Instant::now();
         while !progress.is_stopped() && began.elapsed() < Duration::from_secs(60) {
             std::thread::sleep(Duration::from_millis(10));

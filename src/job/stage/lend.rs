@@ -254,6 +254,10 @@ impl Progress for WhileHeld<'_> {
         self.progress.begin(phase, total, unit);
     }
 
+    fn begin_pass(&self, number: usize) {
+        self.progress.begin_pass(number);
+    }
+
     fn tell(&self, message: &str) {
         self.progress.tell(message);
     }
