@@ -217,7 +217,7 @@ class _Form:
         if self.mesh.uv is not None and uv is None:
             # No corner has any.
             uv, face_uv = np.zeros((0, 2)), np.full_like(faces, -1)
-        if self.is_uv_of_vertices and uv is not None and face_uv is not None:
+        if self.is_uv_of_vertices and uv is not None and len(uv) and face_uv is not None:
             at, faces, uv, colors = _split(at, faces, uv, face_uv, colors)
             face_uv = None
         pictures = None

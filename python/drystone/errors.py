@@ -110,7 +110,7 @@ class BoundBrokenError(DrystoneError):
 
 
 class StoppedError(DrystoneError):
-    """A `Stop` stopped the job. The same call goes on."""
+    """A `Stop` stopped the call. One that has a work folder goes on when it is called again."""
 
     exit_code = 130
 

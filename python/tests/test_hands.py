@@ -7,6 +7,7 @@ import textwrap
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from conftest import TOWN
@@ -104,6 +105,28 @@ def test_a_stop_token_reaches_the_function(tmp_path):
     with pytest.raises(drystone.StoppedError):
         drystone.simplify(TOWN, tmp_path / "out.obj", **OPTIONS, **LIMITS, hands=patient, stop=stop)
     assert len(seen) == 1
+
+
+def test_a_function_learns_that_another_process_took_the_job_over(tmp_path):
+    seen = []
+
+    def overtaken(stage, count, is_stopped):
+        lease = Path(stage).parents[1] / "lease"
+        theirs = lease.with_name("theirs")
+        theirs.write_text("00000000000000aa 0000000000000001 another-machine 7")
+        theirs.rename(lease)
+        end = time.monotonic() + 60
+        while not is_stopped() and time.monotonic() < end:
+            time.sleep(0.01)
+        seen.append(is_stopped())
+
+    with pytest.raises(drystone.LockedError):
+        drystone.simplify(TOWN, tmp_path / "out.obj", **OPTIONS, **LIMITS, hands=overtaken)
+    for _ in range(100):
+        if seen:
+            break
+        time.sleep(0.05)
+    assert seen == [True]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")

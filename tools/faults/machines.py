@@ -110,6 +110,7 @@ class Job:
 
     def __init__(self, stand, program, mesh):
         self.stand, self.program, self.mesh = stand, program, mesh
+        self.started = []
         self.expected = stand.folder / "expected"
         self.expected.mkdir()
         inside = stand.base / "input"
@@ -121,13 +122,18 @@ class Job:
         shared = self.stand.shared
         command = [program or self.program, "simplify", shared / "input" / self.mesh.name, "-o", shared / "out/out.obj"]
         command += ["--work", shared / "job.work", *OPTIONS, *more]
-        return subprocess.Popen(
-            self.stand.on(machine, *command),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+        process = subprocess.Popen(self.stand.on(machine, *command), text=True, **streams)
+        self.started.append(process)
+        return process
+
+    def end_all(self):
+        """Kills what a case that failed has left."""
+        for process in self.started:
+            if process.poll() is None:
+                process.kill()
+                process.communicate()
+        self.started.clear()
 
     def by_tasks(self, machine, line, **more):
         return self.start(machine, "--task-runner", line, "--tasks", "9", **more)
@@ -194,7 +200,8 @@ class Cases:
         seen.mkdir()
         mark = f"{shlex.quote(str(seen))}/$2"
         killed = self.stand.folder / "killed"
-        kill = f'echo $2 >> {shlex.quote(str(killed))}; task "$@" & sleep 0.1$2; kill -9 $!; exit 1'
+        note = f"[ $? = 137 ] && echo $2 >> {shlex.quote(str(killed))}"
+        kill = f'task "$@" & sleep 0.0$2; kill -9 $!; wait $!; {note}; exit 1'
         first = f"mkdir {mark} 2>/dev/null && {{ {kill}; }}; rmdir {mark}"
         expect(0, ended(self.job.by_tasks(0, self.runner(first=first))))
         if not killed.exists():
@@ -271,6 +278,8 @@ class Cases:
             until((self.stand.base / "job.work").exists, "the job began")
             time.sleep(1)
             self.stand.set_cable(2, "down")
+            if first.poll() is not None:
+                raise AssertionError("the job ended before the cable was cut: take a larger mesh")
             time.sleep(CUT_SECONDS)
             self.stand.set_cable(2, "up")
             expect(0, ended(first))
@@ -300,8 +309,10 @@ def main():
                 if outcome == "same bytes" and not cases.job.has_expected_bytes():
                     outcome = "OTHER BYTES, or files left over"
                     faults += 1
-            except AssertionError as error:
+            except (AssertionError, subprocess.TimeoutExpired) as error:
                 outcome, faults = f"FAILED: {error}", faults + 1
+            finally:
+                cases.job.end_all()
             print(f"{name:10} {time.monotonic() - began:5.0f} s  {outcome}", flush=True)
     sys.exit(faults > 0)
 

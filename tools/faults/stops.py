@@ -48,7 +48,7 @@ class Stopper:
 
 
 def campaign(call, delays, resumes):
-    """The longest time that a stop took in each phase; a job that resumes is over once a call is done."""
+    """The longest time that a stop took in each phase, and whether a job that resumes is done."""
     longest = {}
     for delay in delays:
         stopper = Stopper(delay)
@@ -56,8 +56,8 @@ def campaign(call, delays, resumes):
         if took is not None:
             longest[stopper.at] = max(took, longest.get(stopper.at, 0.0))
         elif resumes:
-            break
-    return longest
+            return longest, True
+    return longest, False
 
 
 def contents(folder):
@@ -113,8 +113,9 @@ def main():
                 job(alone)
                 whole = time.monotonic() - began
                 delays = (chance.uniform(0, whole) for _ in range(arguments.stops))
-                longest = campaign(lambda **more: job(stopped, **more), delays, resumes=True)
-                job(stopped, force=True)
+                longest, is_done = campaign(lambda **more: job(stopped, **more), delays, resumes=True)
+                if not is_done:
+                    job(stopped)
                 tell(name, longest, contents(alone) == contents(stopped))
         for name, look in looks(arguments.mesh).items():
             if name in arguments.only:
@@ -122,7 +123,7 @@ def main():
                 look()
                 whole = time.monotonic() - began
                 delays = (whole * (at + chance.random()) / arguments.stops for at in range(arguments.stops))
-                tell(name, campaign(look, delays, resumes=False))
+                tell(name, campaign(look, delays, resumes=False)[0])
     sys.exit(faults > 0)
 
 
