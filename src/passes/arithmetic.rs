@@ -1,5 +1,5 @@
-//! A checksum of what is made of a small mesh: processes whose processor or mathematics differ have another
-//! one, and would write other bytes.
+//! A checksum of what is made of a small mesh: processes whose processor or mathematics differ have another one, and would
+//! write other bytes.
 
 use glam::DVec3;
 use xxhash_rust::xxh3::Xxh3;
@@ -16,8 +16,7 @@ use crate::model::{Catalogue, Face};
 use crate::partition::TextureScale;
 use crate::partition::id::PartitionVertex;
 use crate::partition::reading::ClusterFaces;
-use crate::remesh::cvd::mass::MassSums;
-use crate::remesh::cvd::{self, CvdSettings, FrozenStatistics, Stock};
+use crate::remesh::cvd::{self, CvdSettings, FrozenStatistics};
 
 /// Vertices along a side of the mesh.
 const SIDE: u32 = 24;
@@ -41,12 +40,7 @@ pub fn of_collapses(cost: Cost) -> u64 {
 /// Remeshes it by these settings; returns a checksum of the result.
 pub fn of_remeshing(settings: &CvdSettings) -> u64 {
     let mut mesh = hill();
-    let mut sums = MassSums::default();
-    cvd::weigh(&mesh, settings, &mut sums);
-    let frame = FrozenStatistics::new(&sums, settings);
-    let mut stock = Stock::default();
-    stock.merge(&cvd::take_stock(&mesh, settings, &frame));
-    let frame = FrozenStatistics { threshold: stock.threshold(&frame), ..frame };
+    let frame = FrozenStatistics::of_one(&mesh, settings);
     cvd::reconstruct(&mut mesh, settings, &frame);
     of_mesh(&mesh)
 }

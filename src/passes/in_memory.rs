@@ -28,8 +28,7 @@ use crate::model::{Catalogue, Face, Mesh};
 use crate::partition::id::{ClusterId, ClusterTexcoord, PartitionVertex};
 use crate::partition::reading::ClusterFaces;
 use crate::partition::texture_scale::{MaterialArea, TextureScale};
-use crate::remesh::cvd::mass::MassSums;
-use crate::remesh::cvd::{self, CvdSettings, FrozenStatistics, Stock};
+use crate::remesh::cvd::{self, CvdSettings, FrozenStatistics};
 use crate::remesh::relax;
 use crate::simplify::Changes;
 
@@ -127,12 +126,7 @@ impl<'a> InMemory<'a> {
     }
 
     fn remesh(&mut self, settings: &CvdSettings) {
-        let mut sums = MassSums::default();
-        cvd::weigh(&self.mesh, settings, &mut sums);
-        let frame = FrozenStatistics::new(&sums, settings);
-        let mut stock = Stock::default();
-        stock.merge(&cvd::take_stock(&self.mesh, settings, &frame));
-        let frame = FrozenStatistics { threshold: stock.threshold(&frame), ..frame };
+        let frame = FrozenStatistics::of_one(&self.mesh, settings);
         let mut mesh = std::mem::take(&mut self.mesh);
         let outcome = cvd::reconstruct(&mut mesh, settings, &frame);
         if !self.colours.is_empty() {

@@ -179,6 +179,15 @@ impl FrozenStatistics {
         let wanted = settings.cells.unwrap_or(sums.count()).max(1);
         Self { floor, enough: sums.total(settings.lambda, floor) / wanted as f64, wanted, threshold: f64::INFINITY }
     }
+
+    /// Computed from a mesh that is one cluster, with the threshold.
+    pub fn of_one(mesh: &ClusterMesh, settings: &CvdSettings) -> Self {
+        let mut sums = MassSums::default();
+        weigh(mesh, settings, &mut sums);
+        let frame = Self::new(&sums, settings);
+        let threshold = take_stock(mesh, settings, &frame).threshold(&frame);
+        Self { threshold, ..frame }
+    }
 }
 
 /// Number of cells grown in a cluster, and errors of candidates for more centres.
