@@ -61,10 +61,12 @@ impl<'a> Painter<'a> {
     /// # Errors
     /// [`Error::Stopped`].
     pub fn draw_before(&mut self, mesh: Option<&StoredMesh>, findings: &mut Findings) -> Result<()> {
-        if let Some(mesh) = mesh
-            && self.drawing != Drawing::Nothing
-            && let Some((viewpoints, shots)) = self.draw(mesh, self.catalogue, None, findings)?
-        {
+        let Some(mesh) = mesh.filter(|_| self.drawing != Drawing::Nothing) else { return Ok(()) };
+        let drawn = self.draw(mesh, self.catalogue, None, findings);
+        if matches!(drawn, Err(Error::Stopped)) {
+            return Err(Error::Stopped);
+        }
+        if let Some((viewpoints, shots)) = or_warning(drawn, findings) {
             self.viewpoints = Some(viewpoints);
             self.before = shots;
         }
@@ -75,7 +77,7 @@ impl<'a> Painter<'a> {
     pub fn draw_after(&mut self, result: &FinalMesh<'_>, findings: &mut Findings) {
         if let Some(viewpoints) = self.viewpoints.take() {
             let drawn = self.draw(result.mesh, result.catalogue, Some(viewpoints), findings);
-            self.after = drawn.ok().flatten().map(|(_, shots)| shots);
+            self.after = or_warning(drawn, findings).map(|(_, shots)| shots);
         }
     }
 
@@ -89,8 +91,7 @@ impl<'a> Painter<'a> {
         Some([self.before, self.after?])
     }
 
-    /// Renderings of a mesh from the given viewpoints or from its own, with the viewpoints; `None`, and a warning, if
-    /// it cannot be drawn.
+    /// Renderings of a mesh from the given viewpoints or from its own, with the viewpoints; `None` if it has no extent.
     fn draw(
         &self,
         mesh: &StoredMesh,
@@ -99,26 +100,18 @@ impl<'a> Painter<'a> {
         findings: &mut Findings,
     ) -> Result<Option<(Viewpoints, Vec<Shot>)>> {
         self.progress.begin("draw", 0, "");
-        match self.try_draw(mesh, catalogue, from, findings) {
-            Err(error) if !matches!(error, Error::Stopped) => {
-                findings.note("missing_renderings", || error.to_string());
-                Ok(None)
-            }
-            drawn => drawn,
-        }
-    }
-
-    fn try_draw(
-        &self,
-        mesh: &StoredMesh,
-        catalogue: &Catalogue,
-        from: Option<Viewpoints>,
-        findings: &mut Findings,
-    ) -> Result<Option<(Viewpoints, Vec<Shot>)>> {
         let scene = StoredScene::new(mesh, catalogue, &self.folder, findings);
         let with_errors = self.drawing == Drawing::RenderingsAndErrors && from.is_some();
         let Some(from) = from.map_or_else(|| Viewpoints::of(&scene), |from| Ok(Some(from)))? else { return Ok(None) };
         let shots = gallery::draw(&scene, &from, with_errors, &self.resources, findings)?;
         Ok(Some((from, shots)))
     }
+}
+
+/// What was drawn; a warning for what was not.
+fn or_warning<T>(drawn: Result<Option<T>>, findings: &mut Findings) -> Option<T> {
+    drawn.unwrap_or_else(|error| {
+        findings.note("missing_renderings", || error.to_string());
+        None
+    })
 }
