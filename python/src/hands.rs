@@ -55,22 +55,21 @@ impl Hands for PythonHands {
         let _ = self.requests.send(tasks);
         let mut stopping: Option<Instant> = None;
         loop {
-            let outcome = match end.recv_timeout(INTERVAL) {
-                Ok(end) => Ok(end),
-                Err(RecvTimeoutError::Disconnected) => Ok(HandsEnd::Unsure),
-                Err(RecvTimeoutError::Timeout) if !progress.is_stopped() => continue,
+            let received = end.recv_timeout(INTERVAL);
+            let is_stopped = progress.is_stopped();
+            if is_stopped {
+                // The job may also have lost its work folder, which the caller cannot know.
+                self.is_stopped.store(true, Ordering::Relaxed);
+            }
+            return match received {
+                Err(RecvTimeoutError::Timeout) if !is_stopped => continue,
                 Err(RecvTimeoutError::Timeout) if stopping.get_or_insert_with(Instant::now).elapsed() < GRACE => {
-                    self.is_stopped.store(true, Ordering::Relaxed);
                     continue;
                 }
-                Err(RecvTimeoutError::Timeout) => Err(Error::Stopped),
+                _ if is_stopped => Err(Error::Stopped),
+                Ok(end) => Ok(end),
+                Err(_) => Ok(HandsEnd::Unsure),
             };
-            if progress.is_stopped() {
-                // Also if the job has lost its work folder, which the caller cannot know.
-                self.is_stopped.store(true, Ordering::Relaxed);
-                return Err(Error::Stopped);
-            }
-            return outcome;
         }
     }
 }
