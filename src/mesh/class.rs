@@ -127,7 +127,7 @@ pub fn classify(mesh: &ClusterMesh, rings: &Rings, classes: &mut TiVec<LocalVert
 /// Recomputes the classes after legal collapses: vertices that were [`Class::Smooth`] stay so. Returns the same as
 /// [`classify`].
 pub fn reclassify_all(mesh: &ClusterMesh, rings: &Rings, classes: &mut Classes) -> bool {
-    let mut fan = Classifier::default();
+    let mut fan = Classifier::of(mesh);
     for (vertex, class) in classes.iter_mut_enumerated().filter(|(_, class)| **class != Class::Smooth) {
         *class = fan.class(mesh, rings, vertex);
     }
@@ -136,32 +136,46 @@ pub fn reclassify_all(mesh: &ClusterMesh, rings: &Rings, classes: &mut Classes) 
 
 /// Recomputes the classes of the given vertices, whatever they were.
 pub fn reclassify(mesh: &ClusterMesh, rings: &Rings, classes: &mut Classes, vertices: &[LocalVertex]) {
-    let mut fan = Classifier::default();
+    let mut fan = Classifier::of(mesh);
     for &vertex in vertices {
         classes[vertex] = fan.class(mesh, rings, vertex);
     }
 }
 
-/// Vertices that one step of [`find`] compares.
-const LANES: usize = 8;
-
-/// One match in a sum of [`find`]; above any sum of spoke indices.
-const ONE: u32 = 1 << 16;
+/// What the spokes around the vertex that was classified last have to do with a vertex.
+#[derive(Debug, Clone, Copy, Default)]
+struct SpokeMark {
+    /// Number of the fan that this is about; 0 for none.
+    fan: u32,
+    /// The last spoke that begins at the vertex.
+    spoke: u32,
+    /// Number of spokes that begin there.
+    begins: u32,
+    /// Number of spokes that end there.
+    ends: u32,
+}
 
 /// The faces around one vertex, and buffers to classify it.
+///
+/// The spoke that begins where another one ends is looked up by their common vertex.
 #[derive(Debug, Default)]
 struct Classifier {
     spokes: Vec<Spoke>,
-    /// `next` of each spoke, in lanes; `ends` holds `previous`.
-    begins: Vec<[LocalVertex; LANES]>,
-    ends: Vec<[LocalVertex; LANES]>,
+    marks: TiVec<LocalVertex, SpokeMark>,
+    /// Number of the fan, from 1.
+    fan: u32,
     /// For each spoke, the spoke that begins where it ends.
-    followers: Vec<usize>,
+    followers: Vec<u32>,
     /// Whether, in any fan so far, the two faces of some edge ran along it in the same direction.
     shows_back: bool,
 }
 
 impl Classifier {
+    /// A classifier for the vertices of a mesh.
+    fn of(mesh: &ClusterMesh) -> Self {
+        Self { marks: mesh.per_vertex(SpokeMark::default()), ..Self::default() }
+    }
+
     fn class(&mut self, mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) -> Class {
         let corners = rings.of(vertex);
         if corners.is_empty() || corners.len() > VALENCE_MAX {
@@ -169,27 +183,44 @@ impl Classifier {
         }
         self.spokes.clear();
         self.spokes.extend(corners.iter().map(|&corner| Spoke::of(mesh, corner)));
-        lanes_of(&self.spokes, &mut self.begins, |spoke| spoke.next);
-        if self.is_smooth() {
-            return Class::Smooth;
+        self.mark_beginnings();
+        if self.is_smooth() { Class::Smooth } else { self.walk() }
+    }
+
+    /// The mark of a vertex in this fan.
+    #[inline(always)]
+    fn mark(&mut self, vertex: LocalVertex) -> &mut SpokeMark {
+        let mark = &mut self.marks[vertex];
+        if mark.fan != self.fan {
+            *mark = SpokeMark { fan: self.fan, ..SpokeMark::default() };
         }
-        lanes_of(&self.spokes, &mut self.ends, |spoke| spoke.previous);
-        self.walk()
+        mark
+    }
+
+    fn mark_beginnings(&mut self) {
+        self.fan += 1;
+        for at in 0..self.spokes.len() {
+            let mark = self.mark(self.spokes[at].next);
+            mark.spoke = at as u32;
+            mark.begins += 1;
+        }
     }
 
     /// Index of the spoke that begins at a vertex; `None` if there is not exactly one.
-    fn beginning_at(&self, vertex: LocalVertex) -> Option<usize> {
-        let found = find(&self.begins, vertex);
-        (found / ONE == 1).then_some((found % ONE) as usize)
+    #[inline(always)]
+    fn beginning_at(&self, vertex: LocalVertex) -> Option<u32> {
+        let mark = self.marks[vertex];
+        (mark.fan == self.fan && mark.begins == 1).then_some(mark.spoke)
     }
 
     /// Whether one walk over edges that have the same wedges on both sides visits all spokes and closes.
     fn is_smooth(&mut self) -> bool {
         self.followers.clear();
-        // All followers first: these searches are independent, while a walk would wait for each in turn.
-        for spoke in &self.spokes {
+        // All followers first: a walk would wait for each in turn.
+        for at in 0..self.spokes.len() {
+            let spoke = self.spokes[at];
             let Some(next) = self.beginning_at(spoke.previous) else { return false };
-            let follower = &self.spokes[next];
+            let follower = &self.spokes[next as usize];
             if follower.wedge != spoke.wedge || follower.next_wedge != spoke.previous_wedge {
                 return false;
             }
@@ -197,7 +228,7 @@ impl Classifier {
         }
         let mut at = 0;
         for visited in 1..=self.spokes.len() {
-            at = self.followers[at];
+            at = self.followers[at] as usize;
             if at == 0 {
                 return visited == self.spokes.len();
             }
@@ -207,17 +238,17 @@ impl Classifier {
 
     /// Class of the fan, found by walking it counter-clockwise from each spoke to the one that begins where it ends.
     fn walk(&mut self) -> Class {
-        let spokes = &self.spokes;
+        for at in 0..self.spokes.len() {
+            self.mark(self.spokes[at].previous).ends += 1;
+        }
         let mut start = None;
-        for (i, spoke) in spokes.iter().enumerate() {
-            let begin_alike = find(&self.begins, spoke.next) / ONE;
-            let end_alike = find(&self.ends, spoke.previous) / ONE;
-            if begin_alike > 1 || end_alike > 1 {
-                self.shows_back |= begin_alike == 2 && find(&self.ends, spoke.next) < ONE
-                    || end_alike == 2 && find(&self.begins, spoke.previous) < ONE;
+        for (i, spoke) in self.spokes.iter().enumerate() {
+            let [next, previous] = [spoke.next, spoke.previous].map(|vertex| self.marks[vertex]);
+            if next.begins > 1 || previous.ends > 1 {
+                self.shows_back |= next.begins == 2 && next.ends == 0 || previous.ends == 2 && previous.begins == 0;
                 return Class::Complex;
             }
-            if find(&self.ends, spoke.next) < ONE {
+            if next.ends == 0 {
                 if start.is_some() {
                     return Class::Complex;
                 }
@@ -228,18 +259,20 @@ impl Classifier {
         let mut at = start.unwrap_or(0);
         let (mut visited, mut seams, mut changes) = (1, 0, 0);
         loop {
-            let spoke = spokes[at];
+            let spoke = self.spokes[at];
             let Some(next) = self.beginning_at(spoke.previous) else { break };
-            let differs = spokes[next].wedge != spoke.wedge;
+            let next = next as usize;
+            let follower = &self.spokes[next];
+            let differs = follower.wedge != spoke.wedge;
             changes += usize::from(differs);
-            seams += usize::from(differs || spokes[next].next_wedge != spoke.previous_wedge);
+            seams += usize::from(differs || follower.next_wedge != spoke.previous_wedge);
             if next == start.unwrap_or(0) {
                 break;
             }
             at = next;
             visited += 1;
         }
-        if visited != spokes.len() {
+        if visited != self.spokes.len() {
             return Class::Complex;
         }
         match (is_open, seams, changes) {
@@ -251,30 +284,6 @@ impl Classifier {
             (true, ..) => Class::BorderCorner,
         }
     }
-}
-
-/// Writes one vertex of each spoke to `lanes`, padded with [`LocalVertex::NONE`].
-fn lanes_of(spokes: &[Spoke], lanes: &mut Vec<[LocalVertex; LANES]>, vertex_of: impl Fn(&Spoke) -> LocalVertex) {
-    lanes.clear();
-    lanes.extend(spokes.chunks(LANES).map(|spokes| {
-        let mut lanes = [LocalVertex::NONE; LANES];
-        lanes.iter_mut().zip(spokes).for_each(|(lane, spoke)| *lane = vertex_of(spoke));
-        lanes
-    }));
-}
-
-/// [`ONE`] for each spoke that names the vertex, plus the sum of their indices.
-#[inline(always)]
-fn find(lanes: &[[LocalVertex; LANES]], vertex: LocalVertex) -> u32 {
-    // Compares all lanes, because a branch on the position of the match would be unpredictable.
-    let mut found = [0; LANES];
-    for (at, lanes) in (0..).step_by(LANES).zip(lanes) {
-        for lane in 0..LANES {
-            let mask = 0u32.wrapping_sub(u32::from(lanes[lane] == vertex));
-            found[lane] += mask & (ONE + at + lane as u32);
-        }
-    }
-    found.iter().sum()
 }
 
 #[cfg(test)]
@@ -293,7 +302,7 @@ mod tests {
         let mut rings = Rings::default();
         rings.build(&mesh);
         for (vertex, expected) in [(0, true), (1, true), (2, false), (3, false)] {
-            let mut fan = Classifier::default();
+            let mut fan = Classifier::of(&mesh);
             fan.class(&mesh, &rings, v(vertex));
             assert_eq!(fan.shows_back, expected, "{vertex}");
         }
