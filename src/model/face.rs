@@ -56,8 +56,9 @@ pub struct Face<V: FaceVertex> {
 impl<V: FaceVertex> Face<V> {
     /// The face with each vertex in another numbering, which has the same texture coordinates.
     #[inline]
-    pub fn renumbered<W: FaceVertex<Texcoord = V::Texcoord>>(self, new_id: impl FnMut(V) -> W) -> Face<W> {
-        self.with_vertices(self.vertices.map(new_id))
+    pub fn renumbered<W: FaceVertex<Texcoord = V::Texcoord>>(self, mut new_id: impl FnMut(V) -> W) -> Face<W> {
+        let [a, b, c] = self.vertices;
+        self.with_vertices([new_id(a), new_id(b), new_id(c)])
     }
 
     /// The face with each vertex and texture coordinate in another numbering; corners without one stay without.

@@ -103,26 +103,31 @@ impl ClusterSource {
         catalogue: &Catalogue,
         scale: &TextureScale,
     ) {
-        let mesh = &mut self.mesh;
-        mesh.corners.reserve_exact(faces.len());
-        mesh.parts.reserve_exact(faces.len());
-        mesh.corner_vertices.reserve_exact(faces.len());
-        mesh.deviations.reserve_exact(faces.len());
-        mesh.is_turned.reserve_exact(faces.len());
         let ranks = SortedIds::new(texcoord_ids);
-        let mut wedges = WedgeBuilder::new(mesh, &self.texcoords);
-        for face in faces {
-            let (material, scale) = (catalogue.material_of(face.part), scale.of(catalogue, face.part));
-            let mut corners = [Wedge::NONE; 3];
-            // By index: iterators over whole arrays would copy them.
-            for (k, corner) in corners.iter_mut().enumerate() {
-                let texcoord = face.texcoords[k].some().map_or(ClusterTexcoord::NONE, |id| ranks.of(id));
-                *corner = wedges.wedge(face.vertices[k], texcoord, material, scale);
+        let mut wedges = WedgeBuilder::new(&mut self.mesh, &self.texcoords);
+        let mut corners = TiVec::with_capacity(faces.len());
+        for faces in faces.raw.chunk_by(|a, b| a.part == b.part) {
+            let part = faces[0].part;
+            let (material, scale) = (catalogue.material_of(part), scale.of(catalogue, part));
+            for face in faces {
+                let mut of_face = [Wedge::NONE; 3];
+                // By index: iterators over whole arrays would copy them.
+                for (k, corner) in of_face.iter_mut().enumerate() {
+                    let texcoord = face.texcoords[k].some().map_or(ClusterTexcoord::NONE, |id| ranks.of(id));
+                    *corner = wedges.wedge(face.vertices[k], texcoord, material, scale);
+                }
+                corners.push(of_face);
             }
-            wedges.push_face(corners, face.part, face.deviation);
         }
         self.wedge_texcoord = wedges.texcoord_of;
-        self.mesh.link_wedges();
+        let mesh = &mut self.mesh;
+        mesh.corners = corners;
+        mesh.corner_vertices = faces.iter().map(|face| face.vertices).collect();
+        mesh.parts = faces.iter().map(|face| face.part).collect();
+        mesh.deviations = faces.iter().map(|face| face.deviation).collect();
+        mesh.is_turned = vec![false; faces.len()].into();
+        mesh.face_count = faces.len();
+        mesh.link_wedges();
     }
 
     /// The loaded vertices in the partition.

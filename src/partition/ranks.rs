@@ -11,7 +11,7 @@
 use crate::base::id::{Id, TiSlice};
 
 /// Largest slot that is searched linearly; larger ones are searched by bisection.
-const FEW: usize = 8;
+const FEW: u32 = 8;
 
 /// Ranks of ids in an ascending list.
 pub struct SortedIds<'a, R, I> {
@@ -44,12 +44,15 @@ impl<'a, R: Id, I: Id> SortedIds<'a, R, I> {
         let (Some(&start), Some(&end)) = (self.starts.get(slot), self.starts.get(slot + 1)) else {
             return R::from(self.ids.len());
         };
-        let ids = &self.ids.raw[start as usize..end as usize];
-        let below = match ids.len() {
-            0..=FEW => ids.iter().map(|&other| usize::from(other < id)).sum(),
-            _ => ids.partition_point(|&other| other < id),
-        };
-        R::new(start + below as u32)
+        if end - start > FEW {
+            let ids = &self.ids.raw[start as usize..end as usize];
+            return R::new(start + ids.partition_point(|&other| other < id) as u32);
+        }
+        let mut rank = start;
+        while rank < end && self.ids.raw[rank as usize] < id {
+            rank += 1;
+        }
+        R::new(rank)
     }
 }
 

@@ -11,7 +11,7 @@ use super::id::ClusterTexcoord;
 use crate::base::id::{TiSlice, TiVec};
 use crate::mesh::ClusterMesh;
 use crate::mesh::id::{LocalVertex, Wedge};
-use crate::model::id::{MaterialId, PartId};
+use crate::model::id::MaterialId;
 
 /// Wedges of a vertex that are searched linearly; further ones are in a hash map.
 const CHAIN_MAX: usize = 32;
@@ -102,11 +102,5 @@ impl<'a> WedgeBuilder<'a> {
     #[inline]
     fn fits(&self, wedge: Wedge, key: &WedgeKey) -> bool {
         self.chained[wedge].material == key.material && self.mesh.wedge_uv[wedge].to_array().map(f64::to_bits) == key.uv
-    }
-
-    /// Adds a face, whose wedges are there.
-    pub fn push_face(&mut self, corners: [Wedge; 3], part: PartId, deviation: f32) {
-        let face = self.mesh.push_face(corners, part);
-        self.mesh.deviations[face] = deviation;
     }
 }
