@@ -9,8 +9,7 @@
 
 use super::rips::FACES_MAX;
 use super::witness::area_of;
-use crate::base::id::{TiSlice, TiVec};
-use crate::mesh::class::Classes;
+use crate::mesh::class::{Class, Classes};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::{Corner, LocalVertex, Wedge};
 use crate::mesh::ring::{Rings, Spoke};
@@ -35,16 +34,14 @@ pub struct Shut {
 /// Closes holes that cost up to `most` each, as long as no two share a vertex and there is `room` for more faces. If
 /// any was closed, the rings and the classes of the returned vertices must be recomputed.
 pub fn shut(mesh: &mut ClusterMesh, rings: &Rings, classes: &Classes, most: f64, mut room: usize) -> Shut {
-    let may_border = |v: LocalVertex| classes[v].may_border();
-    let onwards: TiVec<LocalVertex, Onwards> =
-        classes.keys().map(|v| if may_border(v) { Onwards::from(mesh, rings, v) } else { Onwards::Nowhere }).collect();
+    let rims = Rims::of(mesh, rings, classes);
     let mut is_used = mesh.per_vertex(false);
     let mut shut = Shut::default();
     for start in classes.keys() {
-        if is_used[start] || !may_return(&onwards, start) {
+        if is_used[start] || !rims.may_return(mesh, classes, start) {
             continue;
         }
-        let Some(hole) = Hole::at(mesh, rings, start) else { continue };
+        let Some(hole) = Hole::at(mesh, &rims, start) else { continue };
         let is_turned = hole.rim[0].is_turned;
         let is_free =
             |edge: &HoleEdge| !is_used[edge.from] && !mesh.is_shared(edge.from) && edge.is_turned == is_turned;
@@ -79,72 +76,108 @@ struct HoleEdge {
     beyond_wedge: Wedge,
 }
 
-/// Border edges that continue from a vertex around a hole.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Onwards {
-    Nowhere,
-    To(LocalVertex),
-    SeveralWays,
+/// The border edges along which a walk around a hole continues from each vertex. Each is named by the corner of its
+/// face at the vertex; the edge leads to the corner before it.
+struct Rims {
+    /// Where the edges of each vertex begin, and after the last vertex, where they end.
+    starts: Vec<u32>,
+    corners: Vec<Corner>,
 }
 
-impl Onwards {
-    fn from(mesh: &ClusterMesh, rings: &Rings, from: LocalVertex) -> Self {
-        let mut corners = corners_before_rims(mesh, rings, from);
-        match [corners.next(), corners.next()] {
-            [None, _] => Self::Nowhere,
-            [Some(corner), None] => Self::To(mesh.vertex_of(corner.previous())),
-            _ => Self::SeveralWays,
+impl Rims {
+    fn of(mesh: &ClusterMesh, rings: &Rings, classes: &Classes) -> Self {
+        let mut rims = Self { starts: Vec::with_capacity(classes.len() + 1), corners: Vec::new() };
+        rims.starts.push(0);
+        for vertex in classes.keys() {
+            let class = classes[vertex];
+            if class.may_border() || class == Class::Fixed {
+                rims.add(mesh, rings.of(vertex));
+            }
+            rims.starts.push(rims.corners.len() as u32);
+        }
+        rims
+    }
+
+    /// Adds the corners at a vertex whose face is the only one with the edge to the previous corner.
+    fn add(&mut self, mesh: &ClusterMesh, corners: &[Corner]) {
+        if corners.len() > FACES_MAX {
+            return;
+        }
+        let (mut spokes, mut count) = ([(Corner::NONE, [LocalVertex::NONE; 2]); FACES_MAX], 0);
+        for &corner in corners.iter().filter(|&&corner| mesh.living(corner).is_some()) {
+            spokes[count] = (corner, mesh.others_of(corner));
+            count += 1;
+        }
+        let spokes = &spokes[..count];
+        for &(corner, [_, before]) in spokes {
+            if spokes.iter().all(|&(other, ends)| other == corner || !ends.contains(&before)) {
+                self.corners.push(corner);
+            }
         }
     }
-}
 
-/// Whether a walk along at most `EDGES_MAX` border edges may lead from a vertex back to it.
-fn may_return(onwards: &TiSlice<LocalVertex, Onwards>, start: LocalVertex) -> bool {
-    let mut at = start;
-    for _ in 0..EDGES_MAX {
-        at = match onwards[at] {
-            Onwards::Nowhere => return false,
-            Onwards::To(next) if next == start => return true,
-            Onwards::To(next) => next,
-            Onwards::SeveralWays => return true,
-        };
+    /// The edges that continue from a vertex.
+    fn from(&self, vertex: LocalVertex) -> &[Corner] {
+        &self.corners[self.starts[vertex.index()] as usize..self.starts[vertex.index() + 1] as usize]
     }
-    false
+
+    /// Whether a walk along at most `EDGES_MAX` border edges may lead from a vertex back to it.
+    fn may_return(&self, mesh: &ClusterMesh, classes: &Classes, start: LocalVertex) -> bool {
+        let mut at = start;
+        for _ in 0..EDGES_MAX {
+            at = match self.from(at) {
+                _ if !classes[at].may_border() => return false,
+                [] => return false,
+                &[corner] => mesh.vertex_of(corner.previous()),
+                _ => return true,
+            };
+            if at == start {
+                return true;
+            }
+        }
+        false
+    }
 }
 
-/// Corners at a vertex whose face is the only one with the edge to the previous corner: along this edge the walk around
-/// a hole continues.
-fn corners_before_rims<'a>(
-    mesh: &'a ClusterMesh,
-    rings: &'a Rings,
-    from: LocalVertex,
-) -> impl Iterator<Item = Corner> + 'a {
-    let corners = rings.of(from);
-    let corners = if corners.len() > FACES_MAX { &[] } else { corners };
-    let living = move || corners.iter().copied().filter(|&corner| mesh.living(corner).is_some());
-    living().filter(move |&corner| {
-        let before = mesh.vertex_of(corner.previous());
-        living().all(|other| other == corner || !mesh.others_of(other).contains(&before))
-    })
-}
-
-/// Border edges that continue from a vertex around a hole.
-fn rims_from(mesh: &ClusterMesh, rings: &Rings, from: LocalVertex) -> Vec<HoleEdge> {
-    let rim = |corner: Corner| {
+impl HoleEdge {
+    /// The border edge from a corner to the one before it.
+    fn before(mesh: &ClusterMesh, corner: Corner) -> Self {
         let spoke = Spoke::of(mesh, corner);
-        let wedges = [spoke.wedge, spoke.previous_wedge];
-        let (part, is_turned) = (mesh.parts[corner.face()], mesh.is_turned[corner.face()]);
-        HoleEdge {
-            from,
+        Self {
+            from: mesh.vertex_of(corner),
             to: spoke.previous,
-            wedges,
-            part,
-            is_turned,
+            wedges: [spoke.wedge, spoke.previous_wedge],
+            part: mesh.parts[corner.face()],
+            is_turned: mesh.is_turned[corner.face()],
             beyond: spoke.next,
             beyond_wedge: spoke.next_wedge,
         }
-    };
-    corners_before_rims(mesh, rings, from).map(rim).collect()
+    }
+}
+
+/// A walk along border edges.
+#[derive(Debug, Clone, Copy)]
+struct RimWalk {
+    corners: [Corner; EDGES_MAX],
+    count: usize,
+}
+
+impl RimWalk {
+    /// The walk of one edge.
+    fn along(corner: Corner) -> Self {
+        Self { corners: [corner; EDGES_MAX], count: 1 }
+    }
+
+    fn corners(&self) -> &[Corner] {
+        &self.corners[..self.count]
+    }
+
+    /// The walk with one more edge.
+    fn and_along(mut self, corner: Corner) -> Self {
+        self.corners[self.count] = corner;
+        self.count += 1;
+        self
+    }
 }
 
 /// A loop of border edges.
@@ -154,26 +187,28 @@ struct Hole {
 
 impl Hole {
     /// The shortest loop through a vertex; `None` if it has more than `EDGES_MAX` edges, or fewer than three.
-    fn at(mesh: &ClusterMesh, rings: &Rings, start: LocalVertex) -> Option<Self> {
-        let mut ways: Vec<Vec<HoleEdge>> = rims_from(mesh, rings, start).into_iter().map(|rim| vec![rim]).collect();
+    fn at(mesh: &ClusterMesh, rims: &Rims, start: LocalVertex) -> Option<Self> {
+        let end_of = |corner: Corner| mesh.vertex_of(corner.previous());
+        let mut walks: Vec<RimWalk> = rims.from(start).iter().map(|&corner| RimWalk::along(corner)).collect();
+        let mut longer = Vec::new();
         for _ in 1..EDGES_MAX {
-            let mut longer = Vec::new();
-            for way in ways {
-                let last = way.last()?.to;
-                for rim in rims_from(mesh, rings, last) {
-                    if way.iter().skip(1).any(|edge| edge.from == rim.to) {
+            for walk in walks.drain(..) {
+                let last = end_of(*walk.corners().last()?);
+                for &corner in rims.from(last) {
+                    let to = end_of(corner);
+                    if walk.corners().iter().skip(1).any(|&edge| mesh.vertex_of(edge) == to) {
                         continue;
                     }
-                    let mut on = way.clone();
-                    on.push(rim);
-                    if rim.to == start {
-                        return (on.len() > 2).then_some(Self { rim: on });
+                    let on = walk.and_along(corner);
+                    if to == start {
+                        let edges = on.corners().iter().map(|&corner| HoleEdge::before(mesh, corner));
+                        return (on.count > 2).then(|| Self { rim: edges.collect() });
                     }
                     longer.push(on);
                 }
             }
-            ways = longer;
-            ways.truncate(EDGES_MAX);
+            std::mem::swap(&mut walks, &mut longer);
+            walks.truncate(EDGES_MAX);
         }
         None
     }
