@@ -14,12 +14,20 @@ use crate::model::id::PartId;
 /// A part keeps a face if it covers at least this many mean face areas.
 const MEAN_FACES: f64 = 2.0;
 
+/// Up to this many faces of a large part, faces are counted with each collapse.
+const FEW_FACES: u32 = 8;
+/// The same if fewer than this share of all faces may vanish before a large part has so few: counting all takes long.
+const SPARE_MIN: f64 = 1.0 / 64.0;
+
 /// Faces and area of each part, in meshes of several parts.
 #[derive(Debug, Default)]
 pub struct LastFaces {
     parts: HashMap<PartId, Holding, FixedState>,
     /// Area of the mesh at the first count, in units of length².
     area: f64,
+    /// A number of faces that may vanish before any large part has as few as [`FEW_FACES`]. While there are some, `parts`
+    /// does not follow collapses.
+    spare: u32,
 }
 
 #[derive(Debug, Default)]
@@ -34,39 +42,65 @@ impl LastFaces {
     /// hardly change.
     pub fn count(&mut self, mesh: &ClusterMesh) {
         if self.area == 0.0 && mesh.parts.raw.windows(2).any(|pair| pair[0] != pair[1]) {
-            for (face, &part) in mesh.parts.iter_enumerated() {
-                let area = area_of(mesh.triangle(face));
-                self.parts.entry(part).or_default().area += area;
-                self.area += area;
+            let mut faces = mesh.face_ids();
+            for parts in mesh.parts.raw.chunk_by(|a, b| a == b) {
+                let holding = self.parts.entry(parts[0]).or_default();
+                for face in faces.by_ref().take(parts.len()) {
+                    let area = area_of(mesh.triangle(face));
+                    holding.area += area;
+                    self.area += area;
+                }
             }
         }
-        if self.parts.is_empty() {
-            return;
+        if !self.parts.is_empty() {
+            self.recount(mesh);
         }
+    }
+
+    /// Counts the living faces of each part.
+    fn recount(&mut self, mesh: &ClusterMesh) {
         self.parts.values_mut().for_each(|holding| holding.faces = 0);
-        for faces in mesh.parts.raw.chunk_by(|a, b| a == b) {
-            self.parts.entry(faces[0]).or_default().faces += faces.len() as u32;
+        let mut first = FaceId::new(0);
+        for parts in mesh.parts.raw.chunk_by(|a, b| a == b) {
+            let next = first.plus(parts.len() as u32);
+            let living = FaceId::within(&(first..next)).filter(|&face| !mesh.is_dead(face)).count();
+            self.parts.entry(parts[0]).or_default().faces += living as u32;
+            first = next;
         }
+        let large = self.parts.values().filter(|holding| self.is_large(mesh, holding));
+        let fewest = large.map(|holding| holding.faces).min().unwrap_or(u32::MAX);
+        let spare = fewest.saturating_sub(FEW_FACES);
+        self.spare = if f64::from(spare) < SPARE_MIN * mesh.face_count as f64 { 0 } else { spare };
+    }
+
+    fn is_large(&self, mesh: &ClusterMesh, holding: &Holding) -> bool {
+        holding.area * mesh.face_count as f64 >= MEAN_FACES * self.area
     }
 
     /// Whether a large part would have no face left if the `dying` faces vanished; each must occur once.
     pub fn are_last(&self, mesh: &ClusterMesh, dying: &[FaceId]) -> bool {
-        if self.parts.is_empty() {
+        // No further part becomes large, since faces get fewer.
+        if self.parts.is_empty() || (self.spare > 0 && dying.len() <= FEW_FACES as usize) {
             return false;
         }
         let part_of = |face: FaceId| mesh.parts[face];
         dying.iter().any(|&face| {
             let of_part = dying.iter().filter(|&&other| part_of(other) == part_of(face)).count();
-            self.parts.get(&part_of(face)).is_some_and(|holding| {
-                let is_large = holding.area * mesh.face_count as f64 >= MEAN_FACES * self.area;
-                holding.faces as usize <= of_part && is_large
-            })
+            let holding = self.parts.get(&part_of(face));
+            holding.is_some_and(|holding| holding.faces as usize <= of_part && self.is_large(mesh, holding))
         })
     }
 
     /// Subtracts faces that have vanished.
     pub fn remove(&mut self, mesh: &ClusterMesh, died: &[FaceId]) {
         if self.parts.is_empty() {
+            return;
+        }
+        if self.spare > 0 {
+            self.spare = self.spare.saturating_sub(died.len() as u32);
+            if self.spare == 0 {
+                self.recount(mesh);
+            }
             return;
         }
         for &face in died {
