@@ -69,6 +69,8 @@ pub struct ChosenCells {
     seen: Vec<Option<(GridPosition, Option<GridPosition>)>>,
     /// Cached cells, each in its slot, with the chosen cells around them.
     around: Vec<Option<(GridPosition, CellNeighbourhood)>>,
+    /// The last of them: faces come near one another.
+    last: Option<(GridPosition, CellNeighbourhood)>,
 }
 
 /// Chosen cells among a cell and its 26 neighbours, by their low corners.
@@ -82,7 +84,13 @@ enum CellNeighbourhood {
 impl ChosenCells {
     /// The chosen cells of a grid.
     pub fn new(grid: CellGrid) -> Self {
-        Self { grid, parts: SIDE_PARTS as f64 / grid.side, seen: vec![None; SLOTS], around: vec![None; SLOTS] }
+        Self {
+            grid,
+            parts: SIDE_PARTS as f64 / grid.side,
+            seen: vec![None; SLOTS],
+            around: vec![None; SLOTS],
+            last: None,
+        }
     }
 
     /// Low corner of the chosen cell that contains a position, or `None`.
@@ -128,10 +136,16 @@ impl ChosenCells {
     /// Chosen cells among the cell of a position and its neighbours.
     fn around(&mut self, position: DVec3) -> CellNeighbourhood {
         let cell = self.place(position).map(|place| place >> SIDE_PARTS.trailing_zeros());
+        if let Some((last, around)) = self.last
+            && last == cell
+        {
+            return around;
+        }
         let slot = slot_of(cell);
         if let Some((last, around)) = self.around[slot]
             && last == cell
         {
+            self.last = self.around[slot];
             return around;
         }
         let low = cell.map(|place| (place - 1) * SIDE_PARTS);
@@ -141,7 +155,8 @@ impl ChosenCells {
                 if around == CellNeighbourhood::None { CellNeighbourhood::One(cell) } else { CellNeighbourhood::Many };
             false
         });
-        self.around[slot] = Some((cell, around));
+        self.last = Some((cell, around));
+        self.around[slot] = self.last;
         around
     }
 
