@@ -4,6 +4,7 @@
 
 pub mod budget;
 pub mod bytes;
+pub mod cache;
 pub mod chance;
 pub mod counts;
 pub mod error;

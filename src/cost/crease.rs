@@ -30,11 +30,10 @@ const POWER: i32 = 4;
 pub struct NormalSums;
 
 impl NormalSums {
-    /// Adds a face to a vertex; `weighted_normal` is its unit normal times its area.
+    /// What a face adds to a vertex; `weighted_normal` is its unit normal times its area.
     #[inline(always)]
-    pub fn add(vertex: &mut LocalQuadric, weighted_normal: Vec3, area: f32) {
-        vertex.linear += weighted_normal;
-        vertex.constant += area;
+    pub fn of(weighted_normal: Vec3, area: f32) -> LocalQuadric {
+        LocalQuadric { linear: weighted_normal, constant: area, ..LocalQuadric::default() }
     }
 
     fn are_spread(vertex: &LocalQuadric) -> bool {
@@ -153,11 +152,11 @@ mod tests {
             let [a, b, c] = mesh.triangle(face);
             let across = 0.5 * (b - a).cross(c - a);
             for vertex in mesh.vertices(face) {
-                NormalSums::add(&mut vertices[vertex], across.as_vec3(), across.length() as f32);
+                vertices[vertex].add(&NormalSums::of(across.as_vec3(), across.length() as f32));
             }
         }
         add_creases(&mut vertices, &mesh, &rings, 1.0);
-        let inwards = |at: u32| vertices[v(at)].at(Vec3::new(0.0, 0.1, 0.0));
+        let inwards = |at: u32| vertices[v(at)].at([0.0, 0.1, 0.0]);
         // Two edges of length 1 meet in vertex 2, each with two planes.
         assert!(inwards(2) > 0.06 && inwards(2) < 0.18, "{}", inwards(2));
         assert_eq!(inwards(12), 0.0);

@@ -15,12 +15,25 @@
 //! # Memory
 //! 40 bytes a vertex, 36 bytes a wedge: half of what doubles in one frame would take.
 
-use glam::{DVec3, Vec2, Vec3, Vec3A, Vec3Swizzles};
+use std::ops::{Add, Mul, Sub};
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, Vec2, Vec3, Vec3A, Vec3Swizzles, Vec4};
 
 use super::quadric::{Quadric, WedgeQuadric};
 
+/// A number, or several that are calculated with together.
+pub trait Real:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Add<f32, Output = Self> + Mul<f32, Output = Self>
+{
+}
+
+impl Real for f32 {}
+impl Real for Vec4 {}
+
 /// d ↦ d·Ad + 2 b·d + c, with symmetric A, for a displacement d of the vertex.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct LocalQuadric {
     /// xx, yy, zz, yz, zx, xy of A.
     pub quadratic: [f32; 6],
@@ -45,17 +58,25 @@ impl LocalQuadric {
         self.quadratic.iter_mut().zip(other).for_each(|(own, other)| *own += other);
     }
 
-    /// A·d.
+    /// Adds another quadric with the same origin.
     #[inline(always)]
-    pub fn apply(&self, d: Vec3) -> Vec3 {
-        let [xx, yy, zz, yz, zx, xy] = self.quadratic;
-        Vec3::new(xx * d.x + xy * d.y + zx * d.z, xy * d.x + yy * d.y + yz * d.z, zx * d.x + yz * d.y + zz * d.z)
+    pub fn add(&mut self, other: &Self) {
+        let (own, other): (&mut [f32; 10], &[f32; 10]) = (bytemuck::cast_mut(self), bytemuck::cast_ref(other));
+        own.iter_mut().zip(other).for_each(|(own, other)| *own += other);
     }
 
-    /// Value at a displacement d.
+    /// A·d.
     #[inline(always)]
-    pub fn at(&self, d: Vec3) -> f32 {
-        (self.apply(d) + 2.0 * self.linear).dot(d) + self.constant
+    pub fn apply<R: Real>(&self, [x, y, z]: [R; 3]) -> [R; 3] {
+        let [xx, yy, zz, yz, zx, xy] = self.quadratic;
+        [x * xx + y * xy + z * zx, x * xy + y * yy + z * yz, x * zx + y * yz + z * zz]
+    }
+
+    /// Value at a displacement d, or at several.
+    #[inline(always)]
+    pub fn at<R: Real>(&self, d: [R; 3]) -> R {
+        let (a, b) = (self.apply(d), 2.0 * self.linear);
+        (a[0] + b.x) * d[0] + (a[1] + b.y) * d[1] + (a[2] + b.z) * d[2] + self.constant
     }
 
     /// The same in double precision.
@@ -97,27 +118,37 @@ impl Planes {
 }
 
 /// The part of the texture error that depends on the wedge; see [`WedgeQuadric`].
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct LocalWedge {
     /// G: Σ area · gradient of u and of v.
     pub gradient: [Vec3; 2],
-    /// o: Σ area · offset, 0 until something merges.
-    pub offset: Vec2,
     /// w: Σ area.
     pub weight: f32,
+    /// o: Σ area · offset, 0 until something merges.
+    pub offset: Vec2,
 }
 
 impl LocalWedge {
-    /// G d + o.
+    /// Adds what another wedge of the same vertex has.
     #[inline(always)]
-    pub fn mapped(&self, d: Vec3) -> Vec2 {
-        Vec2::new(self.gradient[0].dot(d), self.gradient[1].dot(d)) + self.offset
+    pub fn add(&mut self, other: &Self) {
+        let (own, other): (&mut [f32; 9], &[f32; 9]) = (bytemuck::cast_mut(self), bytemuck::cast_ref(other));
+        own.iter_mut().zip(other).for_each(|(own, other)| *own += other);
     }
 
-    /// Its value for a displacement d of the vertex and s of the texture coordinate.
+    /// G d + o.
     #[inline(always)]
-    pub fn at(&self, d: Vec3, s: Vec2) -> f32 {
-        s.dot(s * self.weight - 2.0 * self.mapped(d))
+    pub fn mapped<R: Real>(&self, d: [R; 3]) -> [R; 2] {
+        let along = |gradient: Vec3| d[0] * gradient.x + d[1] * gradient.y + d[2] * gradient.z;
+        [along(self.gradient[0]) + self.offset.x, along(self.gradient[1]) + self.offset.y]
+    }
+
+    /// Its value for a displacement d of the vertex and s of the texture coordinate, or for several.
+    #[inline(always)]
+    pub fn at<R: Real>(&self, d: [R; 3], s: [R; 2]) -> R {
+        let mapped = self.mapped(d);
+        s[0] * (s[0] * self.weight - mapped[0] * 2.0) + s[1] * (s[1] * self.weight - mapped[1] * 2.0)
     }
 
     /// The same in double precision.

@@ -11,6 +11,9 @@ use crate::mesh::edge::EdgeKind;
 use crate::mesh::id::{End, LocalVertex, Wedge, WedgePair};
 use crate::mesh::ring::Rings;
 
+/// Collapses whose costs are computed together.
+pub const LANES: usize = 4;
+
 /// A collapse whose cost is to be computed.
 #[derive(Debug, Clone, Copy)]
 pub struct EdgeCase<'a> {
@@ -108,15 +111,28 @@ pub trait Metric: Sized {
     /// Cost and placement of a collapse.
     fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement;
 
-    /// Appends the costs of collapsing the vertex of `from`, which has no other wedge, onto each of `ends`: the same as
-    /// from [`place`](Metric::place), computed together.
-    #[inline]
-    fn costs_onto(&self, mesh: &ClusterMesh, from: End, ends: &[End], costs: &mut Vec<f32>) {
-        costs.extend(ends.iter().map(|to| {
-            let wedges = [WedgePair { from: from.wedge, to: to.wedge }];
-            self.place(mesh, &EdgeCase::inside(from.vertex, to.vertex, &wedges)).cost as f32
-        }));
+    /// Cost of collapsing the vertex of `from`, which has no other wedge, onto `to`: the same as from
+    /// [`place`](Metric::place).
+    #[inline(always)]
+    fn cost_onto(&self, mesh: &ClusterMesh, from: End, to: End) -> f32 {
+        let wedges = [WedgePair { from: from.wedge, to: to.wedge }];
+        self.place(mesh, &EdgeCase::inside(from.vertex, to.vertex, &wedges)).cost as f32
     }
+
+    /// Costs of collapsing the vertex of `from`, which has no other wedge, onto each of `ends`: the same as from
+    /// [`place`](Metric::place), computed together.
+    #[inline(always)]
+    fn costs_onto(&self, mesh: &ClusterMesh, from: End, ends: &[End; LANES]) -> [f32; LANES] {
+        ends.map(|to| self.cost_onto(mesh, from, to))
+    }
+
+    /// Asks for the memory of a vertex's state, which is used soon.
+    #[inline(always)]
+    fn prefetch(&self, _vertex: LocalVertex) {}
+
+    /// Asks for the memory of a wedge's state, which is used soon.
+    #[inline(always)]
+    fn prefetch_wedge(&self, _wedge: Wedge) {}
 
     /// Adds the state of the vanished vertex and its wedges to those that stay. Called before the mesh changes.
     fn join(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>);

@@ -26,7 +26,7 @@ pub mod wide;
 
 pub use classic::ClassicCost;
 pub use curvature::CurvatureCost;
-pub use metric::{EdgeCase, Metric, MovingWedge, Placement};
+pub use metric::{EdgeCase, LANES, Metric, MovingWedge, Placement};
 pub use oblique::ObliqueCost;
 pub use quadric::{Quadric, WedgeQuadric};
 pub use sharpness::SharpnessCost;

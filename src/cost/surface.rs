@@ -16,12 +16,13 @@
 //! # Memory
 //! 40 bytes a vertex and, with texture, 36 bytes a wedge.
 
-use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A};
+use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A, Vec4};
 
 use super::crease::{NormalSums, add_creases};
 use super::local::{LocalQuadric, LocalWedge, Planes};
-use super::metric::{EdgeCase, Metric, MovingWedge, Placement};
+use super::metric::{EdgeCase, LANES, Metric, MovingWedge, Placement};
 use super::weights::Weights;
+use crate::base::cache::prefetch;
 use crate::base::id::TiVec;
 use crate::mesh::class::{Class, Classes, VALENCE_MAX};
 use crate::mesh::cluster::{ClusterMesh, DEAD};
@@ -35,8 +36,6 @@ const SPRING: f64 = 1e-5;
 const LEAST_GAIN: f64 = 0.02;
 /// Cost of a collapse on a flat patch, relative to the fourth power of the edge length: it only orders ties.
 const LENGTH_SHARE: f32 = 1e-6;
-/// Collapses whose costs are computed together.
-const LANES: usize = 8;
 
 /// The cost function: a quadric for each vertex and wedge of a cluster.
 #[derive(Debug, Default)]
@@ -88,22 +87,14 @@ impl SurfaceCost {
                 if gradients.iter().all(|gradient| gradient.is_finite()) {
                     let weight = (area * self.weights.uv) as f32;
                     gradients.iter().for_each(|&gradient| planes.add(gradient, weight));
-                    let weighted = gradients.map(|gradient| Vec3::from(gradient * weight));
-                    for &corner in corners {
-                        let wedge = &mut self.wedges[corner];
-                        wedge.gradient[0] += weighted[0];
-                        wedge.gradient[1] += weighted[1];
-                        wedge.weight += weight;
-                    }
+                    let gradient = gradients.map(|gradient| Vec3::from(gradient * weight));
+                    let of_face = LocalWedge { gradient, weight, offset: Vec2::ZERO };
+                    corners.iter().for_each(|&corner| self.wedges[corner].add(&of_face));
                 }
             }
-            let planes = planes.quadratic();
-            let weighted_normal = (0.5 * across).as_vec3();
-            for &vertex in vertices {
-                let vertex = &mut self.vertices[vertex];
-                vertex.add_quadratic(&planes);
-                NormalSums::add(vertex, weighted_normal, area as f32);
-            }
+            let mut of_face = NormalSums::of((0.5 * across).as_vec3(), area as f32);
+            of_face.quadratic = planes.quadratic();
+            vertices.iter().for_each(|&vertex| self.vertices[vertex].add(&of_face));
         }
         add_creases(&mut self.vertices, mesh, rings, self.weights.border);
         let mut spokes = Vec::new();
@@ -175,22 +166,21 @@ impl SurfaceCost {
     pub fn place(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) -> Placement {
         let d = shift(mesh, edge);
         let length_sq = d.length_squared();
-        let error = self.moved(mesh, edge, d) + self.vertices[edge.to].constant;
-        let cost = error.max(0.0) + LENGTH_SHARE * length_sq * length_sq;
+        let cost = cost_of(self.moved(mesh, edge, d) + self.vertices[edge.to].constant, length_sq);
         Placement { position: mesh.positions[edge.to], cost: f64::from(cost) }
     }
 
     /// Error of `from` and its wedges at the position of `to` and its texture coordinates.
     #[inline(always)]
     fn moved(&self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, d: Vec3) -> f32 {
-        let mut error = self.vertices[edge.from].at(d);
+        let mut error = self.vertices[edge.from].at(d.to_array());
         if self.has_texture() {
             for (&WedgePair { from: wa, to: wb }, inset) in edge.wedges.iter().zip(edge.insets) {
                 let slide = slide(mesh, wa, wb) + inset;
                 if !slide.is_nan() {
-                    error += self.wedges[wa].at(d, slide);
+                    error += self.wedges[wa].at(d.to_array(), slide.to_array());
                     if inset != Vec2::ZERO {
-                        error += self.wedges[wb].at(Vec3::ZERO, inset);
+                        error += self.wedges[wb].at([0.0; 3], inset.to_array());
                     }
                 }
             }
@@ -198,35 +188,41 @@ impl SurfaceCost {
         error
     }
 
-    /// Appends the costs of collapses inside a chart: the same as from [`place`](SurfaceCost::place), `LANES` at a time
-    /// in vector registers.
+    /// Cost of a collapse inside a chart: the same as from [`place`](SurfaceCost::place).
     #[inline(always)]
-    fn costs_onto(&self, mesh: &ClusterMesh, from: End, ends: &[End], costs: &mut Vec<f32>) {
-        let here = mesh.positions[from.vertex];
-        let uv = mesh.wedge_uv[from.wedge];
-        let quadric = self.vertices[from.vertex];
-        let texture = if self.has_texture() { self.wedges[from.wedge] } else { LocalWedge::default() };
-        for ends in ends.chunks(LANES) {
-            let (mut d, mut s, mut kept) = ([[0f32; LANES]; 3], [[0f32; LANES]; 2], [0f32; LANES]);
-            for (lane, to) in ends.iter().enumerate() {
-                let shift = (mesh.positions[to.vertex] - here).as_vec3();
-                let slide = (mesh.wedge_uv[to.wedge] - uv).as_vec2();
-                (d[0][lane], d[1][lane], d[2][lane]) = (shift.x, shift.y, shift.z);
-                (s[0][lane], s[1][lane]) = (slide.x, slide.y);
-                kept[lane] = self.vertices[to.vertex].constant;
-            }
-            let mut cost = [0f32; LANES];
-            for lane in 0..LANES {
-                let d = Vec3::new(d[0][lane], d[1][lane], d[2][lane]);
-                let s = Vec2::new(s[0][lane], s[1][lane]);
-                let slid = texture.at(d, s);
-                let slid = if s.x.is_nan() | s.y.is_nan() { 0.0 } else { slid };
-                let length_sq = d.length_squared();
-                let error = quadric.at(d) + slid + kept[lane];
-                cost[lane] = error.max(0.0) + LENGTH_SHARE * length_sq * length_sq;
-            }
-            costs.extend_from_slice(&cost[..ends.len()]);
+    fn cost_onto(&self, mesh: &ClusterMesh, from: End, to: End) -> f32 {
+        let d = (mesh.positions[to.vertex] - mesh.positions[from.vertex]).as_vec3();
+        let mut error = self.vertices[from.vertex].at(d.to_array());
+        if self.has_texture() {
+            let slide = slide(mesh, from.wedge, to.wedge);
+            error += if slide.is_nan() { 0.0 } else { self.wedges[from.wedge].at(d.to_array(), slide.to_array()) };
         }
+        cost_of(error + self.vertices[to.vertex].constant, d.length_squared())
+    }
+
+    /// Costs of collapses inside a chart, in vector registers: the same as from [`place`](SurfaceCost::place).
+    #[inline(always)]
+    fn costs_onto(&self, mesh: &ClusterMesh, from: End, ends: &[End; LANES]) -> [f32; LANES] {
+        // Lane by lane: `map` of an array is a call for each element.
+        let [e0, e1, e2, e3] = *ends;
+        let here = mesh.positions[from.vertex];
+        let shift = |to: End| (mesh.positions[to.vertex] - here).as_vec3();
+        let [d0, d1, d2, d3] = [shift(e0), shift(e1), shift(e2), shift(e3)];
+        let d =
+            [Vec4::new(d0.x, d1.x, d2.x, d3.x), Vec4::new(d0.y, d1.y, d2.y, d3.y), Vec4::new(d0.z, d1.z, d2.z, d3.z)];
+        let mut error = self.vertices[from.vertex].at(d);
+        if self.has_texture() {
+            let uv = mesh.wedge_uv[from.wedge];
+            let slide = |to: End| (mesh.wedge_uv[to.wedge] - uv).as_vec2();
+            let [s0, s1, s2, s3] = [slide(e0), slide(e1), slide(e2), slide(e3)];
+            let s = [Vec4::new(s0.x, s1.x, s2.x, s3.x), Vec4::new(s0.y, s1.y, s2.y, s3.y)];
+            let is_mapped = s[0].cmpeq(s[0]) & s[1].cmpeq(s[1]);
+            error += Vec4::select(is_mapped, self.wedges[from.wedge].at(d, s), Vec4::ZERO);
+        }
+        let kept = |to: End| self.vertices[to.vertex].constant;
+        error += Vec4::new(kept(e0), kept(e1), kept(e2), kept(e3));
+        let length_sq = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+        (error.max(Vec4::ZERO) + length_sq * LENGTH_SHARE * length_sq).to_array()
     }
 
     /// Adds the quadrics of the vanished vertex and its wedges to those that stay.
@@ -234,7 +230,7 @@ impl SurfaceCost {
         let d = shift(mesh, edge);
         let mut vanished = self.vertices[edge.from];
         let constant = self.moved(mesh, edge, d);
-        vanished.linear += vanished.apply(d);
+        vanished.linear += Vec3::from_array(vanished.apply(d.to_array()));
         vanished.constant = constant;
         if self.has_texture() {
             for (&WedgePair { from: wa, to: wb }, inset) in edge.wedges.iter().zip(edge.insets) {
@@ -249,18 +245,11 @@ impl SurfaceCost {
                 }
                 let LocalWedge { gradient, weight, .. } = self.wedges[wa];
                 vanished.linear -= gradient[0] * slide.x + gradient[1] * slide.y;
-                let offset = self.wedges[wa].mapped(d) - weight * slide;
-                let wedge = &mut self.wedges[wb];
-                wedge.gradient[0] += gradient[0];
-                wedge.gradient[1] += gradient[1];
-                wedge.offset += offset;
-                wedge.weight += weight;
+                let offset = Vec2::from_array(self.wedges[wa].mapped(d.to_array())) - weight * slide;
+                self.wedges[wb].add(&LocalWedge { gradient, weight, offset });
             }
         }
-        let vertex = &mut self.vertices[edge.to];
-        vertex.add_quadratic(&vanished.quadratic);
-        vertex.linear += vanished.linear;
-        vertex.constant += vanished.constant;
+        self.vertices[edge.to].add(&vanished);
     }
 
     /// Translates the quadric of a wedge to the vertex that stays; its texture coordinate is unchanged, and the cost of
@@ -268,7 +257,7 @@ impl SurfaceCost {
     pub fn bring(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>, wedge: Wedge) {
         if self.has_texture() {
             let wedge = &mut self.wedges[wedge];
-            wedge.offset = wedge.mapped(shift(mesh, edge));
+            wedge.offset = Vec2::from_array(wedge.mapped(shift(mesh, edge).to_array()));
         }
     }
 
@@ -305,6 +294,12 @@ impl SurfaceCost {
     pub fn area(&self) -> f64 {
         self.area
     }
+}
+
+/// Cost of a collapse with this error along an edge of this squared length.
+#[inline(always)]
+fn cost_of(error: f32, length_sq: f32) -> f32 {
+    error.max(0.0) + LENGTH_SHARE * length_sq * length_sq
 }
 
 /// Vector from the vertex that vanishes to the one that stays.
@@ -358,8 +353,23 @@ impl Metric for SurfaceCost {
     }
 
     #[inline(always)]
-    fn costs_onto(&self, mesh: &ClusterMesh, from: End, ends: &[End], costs: &mut Vec<f32>) {
-        self.costs_onto(mesh, from, ends, costs);
+    fn cost_onto(&self, mesh: &ClusterMesh, from: End, to: End) -> f32 {
+        self.cost_onto(mesh, from, to)
+    }
+
+    #[inline(always)]
+    fn costs_onto(&self, mesh: &ClusterMesh, from: End, ends: &[End; LANES]) -> [f32; LANES] {
+        self.costs_onto(mesh, from, ends)
+    }
+
+    #[inline(always)]
+    fn prefetch(&self, vertex: LocalVertex) {
+        prefetch(&self.vertices[vertex]);
+    }
+
+    #[inline(always)]
+    fn prefetch_wedge(&self, wedge: Wedge) {
+        self.wedges.get(wedge).into_iter().for_each(prefetch);
     }
 
     fn join(&mut self, mesh: &ClusterMesh, edge: &EdgeCase<'_>) {
@@ -471,13 +481,14 @@ mod tests {
         mesh.wedge_uv[w(9)] = DVec2::NAN;
         let cost = prepared(&mesh);
         let end = |number| End { vertex: v(number), wedge: w(number) };
-        let ends: Vec<End> = (0..30).filter(|&number| number != 16).map(end).collect();
-        let mut costs = Vec::new();
-        cost.costs_onto(&mesh, end(16), &ends, &mut costs);
-        for (&End { vertex, wedge }, judged) in ends.iter().zip(costs) {
-            let wedges = [WedgePair { from: w(16), to: wedge }];
-            let alone = cost.place(&mesh, &EdgeCase::inside(v(16), vertex, &wedges)).cost as f32;
-            assert_eq!(judged.to_bits(), alone.to_bits(), "{vertex:?}");
+        let ends: Vec<End> = (0..29).filter(|&number| number != 16).map(end).collect();
+        for ends in ends.as_chunks().0 {
+            for (&to, judged) in ends.iter().zip(cost.costs_onto(&mesh, end(16), ends)) {
+                let wedges = [WedgePair { from: w(16), to: to.wedge }];
+                let placed = cost.place(&mesh, &EdgeCase::inside(v(16), to.vertex, &wedges)).cost as f32;
+                let alone = cost.cost_onto(&mesh, end(16), to);
+                assert_eq!([judged, alone].map(f32::to_bits), [placed.to_bits(); 2], "{to:?}");
+            }
         }
     }
 

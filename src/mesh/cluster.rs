@@ -12,6 +12,7 @@ use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::id::{Corner, End, FaceId, LocalVertex, Wedge};
+use crate::base::cache::prefetch;
 use crate::base::id::TiVec;
 use crate::model::id::PartId;
 
@@ -182,6 +183,25 @@ impl ClusterMesh {
     pub fn wedge_at(&self, face: FaceId, vertex: LocalVertex) -> Option<Wedge> {
         let at = self.vertices(face).into_iter().position(|v| v == vertex)?;
         Some(self.corners[face][at])
+    }
+
+    /// Asks for the memory of the faces of some corners.
+    #[inline(always)]
+    pub fn prefetch_faces(&self, corners: &[Corner]) {
+        for corner in corners {
+            prefetch(&self.corners[corner.face()]);
+            prefetch(&self.corner_vertices[corner.face()]);
+        }
+    }
+
+    /// Asks for the memory of the vertices after some corners.
+    #[inline(always)]
+    pub fn prefetch_ends(&self, corners: &[Corner]) {
+        for corner in corners {
+            let next = corner.next();
+            prefetch(&self.positions[self.vertex_of(next)]);
+            self.wedge_uv.get(self.wedge_of(next)).into_iter().for_each(prefetch);
+        }
     }
 
     /// Whether the vertex may neither move nor vanish.

@@ -10,6 +10,7 @@ use std::ops::Range;
 
 use super::cluster::ClusterMesh;
 use super::id::{Corner, FaceId, LocalVertex, Wedge, WedgePair};
+use crate::base::cache::prefetch;
 use crate::base::id::TiVec;
 
 /// Corners at each vertex.
@@ -88,6 +89,18 @@ impl Rings {
     #[inline]
     pub fn of(&self, vertex: LocalVertex) -> &[Corner] {
         &self.corners[self.rows[vertex].range()]
+    }
+
+    /// Asks for the memory that tells where the corners at a vertex are.
+    #[inline(always)]
+    pub fn prefetch_row(&self, vertex: LocalVertex) {
+        prefetch(&self.rows[vertex]);
+    }
+
+    /// Asks for the memory of the corners at a vertex.
+    #[inline(always)]
+    pub fn prefetch(&self, vertex: LocalVertex) {
+        self.of(vertex).first().into_iter().for_each(prefetch);
     }
 
     /// Corners of living faces at a vertex, ascending.

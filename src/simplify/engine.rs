@@ -25,7 +25,7 @@ use crate::cost::mesh_stats::MeshStats;
 use crate::cost::{Metric, planes};
 use crate::mesh::class::{Class, classify, reclassify, reclassify_all};
 use crate::mesh::cluster::ClusterMesh;
-use crate::mesh::id::{End, LocalVertex};
+use crate::mesh::id::LocalVertex;
 use crate::mesh::orient::{orient, restore};
 use crate::mesh::ring::{Rings, Spoke};
 
@@ -68,9 +68,6 @@ pub struct Engine<M> {
     joined: TiVec<LocalVertex, bool>,
     round: u32,
     spokes: Vec<Spoke>,
-    /// Neighbours of a smooth vertex; `onto_costs` holds the cost of collapsing onto each.
-    ends: Vec<End>,
-    onto_costs: Vec<f32>,
     costs: Vec<f32>,
     /// Vertices refused in this round, with the cost of their next best proposal.
     again: BinaryHeap<Reverse<Bid>>,
@@ -141,8 +138,6 @@ impl<M: Metric> Engine<M> {
             joined: TiVec::new(),
             round: 0,
             spokes: Vec::new(),
-            ends: Vec::new(),
-            onto_costs: Vec::new(),
             costs: Vec::new(),
             again: BinaryHeap::new(),
             patience: f32::INFINITY,

@@ -175,10 +175,13 @@ fn thirds_at<'a>(
     rings: &'a Rings,
     [a, b]: [LocalVertex; 2],
 ) -> impl Iterator<Item = (FaceId, LocalVertex)> + 'a {
-    rings.of(a).iter().filter_map(move |&corner| {
-        let [next, previous] = mesh.others_of(corner);
-        let third = if next == b { previous } else { next };
-        ((next == b || previous == b) && !mesh.is_dead(corner.face())).then_some((corner.face(), third))
+    rings.of(a).iter().filter_map(move |corner| {
+        let face = corner.face();
+        let vertices = mesh.vertices(face);
+        // No branch for each vertex: where the edge stands in the face is unpredictable.
+        let has_edge = (vertices[0] == b) | (vertices[1] == b) | (vertices[2] == b);
+        let third = vertices.into_iter().fold(a.number() ^ b.number(), |rest, vertex| rest ^ vertex.number());
+        (has_edge && !mesh.is_dead(face)).then_some((face, LocalVertex::new(third)))
     })
 }
 

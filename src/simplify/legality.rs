@@ -14,6 +14,8 @@ use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
 
+/// In a closed fan of up to this many faces, the one across from an edge may have all its corners around that edge.
+const FEW_FACES: usize = 3;
 /// A face whose area grows by more than this factor (squared here) must have old surface beneath its middle. A face
 /// that is pulled out of a sliver, within the planes around it, costs nothing and may span empty space.
 const GROWTH_SQ: f64 = 4.0 * 4.0;
@@ -21,24 +23,6 @@ const GROWTH_SQ: f64 = 4.0 * 4.0;
 const HOVER_SHARE: f64 = 0.05;
 /// The same, as area × squared distance relative to the collapse's cost.
 const HOVER_COST: f64 = 4.0;
-
-/// The one-ring of a vertex with one closed fan of 4 to 16 faces.
-struct Ring {
-    vertices: [LocalVertex; Self::LANES],
-}
-
-impl Ring {
-    const LANES: usize = 16;
-
-    fn of(mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) -> Option<Self> {
-        let (mut vertices, mut count) = ([LocalVertex::NONE; Self::LANES], 0);
-        for corner in rings.living(mesh, vertex) {
-            *vertices.get_mut(count)? = mesh.vertex_of(corner.next());
-            count += 1;
-        }
-        (count > 3).then_some(Self { vertices })
-    }
-}
 
 impl EdgeStar {
     /// Checks everything but geometry; [`gather`](EdgeStar::gather) must have run for this edge.
@@ -73,14 +57,10 @@ impl EdgeStar {
             return Err(Refusal::Topology);
         }
         let to_shared = mesh.is_shared(to);
-        if closed
-            && !to_shared
-            && self.dying.len() == 2
-            && let Some(ring) = Ring::of(mesh, rings, from)
-        {
-            return self.check_closed(&ring, mesh, rings, to);
-        }
         self.epoch += 2;
+        if closed && !to_shared && self.dying.len() == 2 && rings.living(mesh, from).nth(FEW_FACES).is_some() {
+            return self.check_closed(mesh, rings, from, to);
+        }
         let (seen, common) = (self.epoch, self.epoch + 1);
         for &corner in rings.of(from) {
             let Some(wedge) = mesh.living(corner) else { continue };
@@ -128,20 +108,33 @@ impl EdgeStar {
         self.check_piece(mesh, rings, from, to)
     }
 
-    /// The link condition for a vertex with one closed fan and one wedge, if no other cluster uses `to`: its one-ring
-    /// and that of `to` share the two opposite vertices and no others. Compares in lanes.
-    fn check_closed(&self, ring: &Ring, mesh: &ClusterMesh, rings: &Rings, to: LocalVertex) -> Result<(), Refusal> {
+    /// The link condition for a vertex with one closed fan of more than three faces and one wedge, if no other cluster
+    /// uses `to`: its one-ring and that of `to` share the two opposite vertices and no others.
+    fn check_closed(
+        &mut self,
+        mesh: &ClusterMesh,
+        rings: &Rings,
+        from: LocalVertex,
+        to: LocalVertex,
+    ) -> Result<(), Refusal> {
         if self.wedges.len() != 1 {
             return Err(Refusal::Seam);
         }
-        let mut found = [0u32; Ring::LANES];
+        let (seen, common) = (self.epoch, self.epoch + 1);
+        for corner in rings.living(mesh, from) {
+            self.mark[mesh.vertex_of(corner.next())] = seen;
+        }
+        let mut count = 0;
         for corner in rings.living(mesh, to) {
-            let far = mesh.others_of(corner);
-            for (found, vertex) in found.iter_mut().zip(ring.vertices) {
-                *found |= u32::from((vertex == far[0]) | (vertex == far[1]));
+            for vertex in mesh.others_of(corner) {
+                let mark = &mut self.mark[vertex];
+                if *mark == seen {
+                    *mark = common;
+                    count += 1;
+                }
             }
         }
-        if found.iter().sum::<u32>() == 2 { Ok(()) } else { Err(Refusal::Topology) }
+        if count == 2 { Ok(()) } else { Err(Refusal::Topology) }
     }
 
     /// Checks that no face folds over, in space or in texture space, when the `moving` vertices come to `position` and

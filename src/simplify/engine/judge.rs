@@ -1,7 +1,7 @@
 //! Judges edges: which collapses the rules permit, what they cost, and the cheapest one of every vertex.
 
 use super::Engine;
-use crate::cost::{EdgeCase, Metric};
+use crate::cost::{EdgeCase, LANES, Metric};
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::edge::EdgeKind;
 use crate::mesh::id::{Corner, Edge, End, LocalVertex, WedgePair};
@@ -82,7 +82,9 @@ impl<M: Metric> Engine<M> {
         } else if self.classes[vertex] == Class::Smooth {
             // One closed fan and one wedge: each face gives the edge to its next vertex.
             if !self.mesh.is_locked(vertex) && M::ENDPOINTS {
-                self.propose_onto_all(vertex, |proposal| take(&mut best, proposal));
+                if let Some(bid) = self.cheapest_onto(vertex, after) {
+                    take(&mut best, Proposal::onto(bid.vertex(), bid.cost()));
+                }
             } else if !self.mesh.is_locked(vertex) {
                 for edge in self.rings.of(vertex).iter().filter_map(|&corner| EdgeAt::ahead(&self.mesh, corner)) {
                     take(&mut best, self.propose(vertex, &edge));
@@ -110,29 +112,39 @@ impl<M: Metric> Engine<M> {
 
     /// Proposal to collapse an edge from a smooth vertex.
     #[inline(always)]
-    pub(super) fn propose_inside(&self, from: LocalVertex, edge: &EdgeAt) -> Proposal {
-        if !M::ENDPOINTS {
-            return self.propose(from, edge);
+    pub(super) fn propose_inside(&self, from: End, to: End) -> Proposal {
+        if M::ENDPOINTS {
+            return Proposal::onto(to.vertex, self.cost.cost_onto(&self.mesh, from, to));
         }
-        let cost = self.cost.place(&self.mesh, &EdgeCase::inside(from, edge.other, &edge.wedges[..1])).cost as f32;
-        Proposal::onto(edge.other, cost)
+        let pair = WedgePair { from: from.wedge, to: to.wedge };
+        self.propose(from.vertex, &EdgeAt { other: to.vertex, wedges: [pair; 2], face_count: 2 })
     }
 
-    /// Passes every collapse of a smooth vertex onto a neighbour to `take`.
+    /// The neighbour onto which a smooth vertex collapses at the least cost; if `after` is given, of those above it.
     #[inline(always)]
-    pub(super) fn propose_onto_all(&mut self, from: LocalVertex, mut take: impl FnMut(Proposal)) {
-        let Self { mesh, rings, cost, ends, onto_costs, .. } = self;
-        let mut own = None;
-        ends.clear();
-        for &corner in rings.of(from) {
-            if let Some(wedge) = mesh.living(corner) {
-                ends.push(mesh.end_of(corner.next()));
-                own = Some(End { vertex: from, wedge });
+    pub(super) fn cheapest_onto(&self, from: LocalVertex, after: Option<Bid>) -> Option<Bid> {
+        let Self { mesh, rings, cost, .. } = self;
+        let mut corners = rings.living(mesh, from);
+        let own = End { vertex: from, wedge: mesh.wedge_of(corners.clone().next()?) };
+        // An infinite cost is no proposal: it marks a vanished vertex.
+        let mut best = Bid::new(f32::INFINITY, LocalVertex::new(0));
+        let mut ends = [own; LANES];
+        loop {
+            let mut count = 0;
+            for (end, corner) in ends.iter_mut().zip(&mut corners) {
+                *end = mesh.end_of(corner.next());
+                count += 1;
+            }
+            for (end, cost) in ends.iter().zip(cost.costs_onto(mesh, own, &ends)).take(count) {
+                let bid = Bid::new(cost, end.vertex);
+                if bid < best && after.is_none_or(|after| bid > after) {
+                    best = bid;
+                }
+            }
+            if count < LANES {
+                return (best.cost() < f32::INFINITY).then_some(best);
             }
         }
-        onto_costs.clear();
-        own.into_iter().for_each(|own| cost.costs_onto(mesh, own, ends, onto_costs));
-        ends.iter().zip(onto_costs).for_each(|(end, cost)| take(Proposal::onto(end.vertex, *cost)));
     }
 
     /// Proposal to collapse an edge that was gathered at `from`; [`Proposal::NONE`] if the rules forbid it.
@@ -228,9 +240,8 @@ impl<M: Metric> Engine<M> {
             self.stirred[vertex] += 1;
             self.judge(vertex, None);
         } else if !self.is_held(vertex) {
-            let pair = WedgePair { from: self.mesh.wedge_of(corner), to: self.mesh.wedge_of(survivor) };
-            let edge = EdgeAt { other: self.mesh.vertex_of(survivor), wedges: [pair; 2], face_count: 2 };
-            let proposal = self.propose_inside(vertex, &edge);
+            let [from, to] = [corner, survivor].map(|corner| self.mesh.end_of(corner));
+            let proposal = self.propose_inside(from, to);
             if proposal.key() < self.proposals[vertex].key() {
                 self.proposals[vertex] = proposal;
             }

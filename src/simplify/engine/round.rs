@@ -3,9 +3,10 @@
 use std::cmp::Reverse;
 
 use super::{Engine, ROUND_SHARE};
+use crate::base::cache::prefetch;
 use crate::cost::Metric;
 use crate::mesh::class::Class;
-use crate::mesh::id::LocalVertex;
+use crate::mesh::id::{Edge, LocalVertex};
 use crate::simplify::collapse::Collapse;
 use crate::simplify::edge_star::VanishingFan;
 use crate::simplify::proposal::{Bid, Proposal};
@@ -17,6 +18,8 @@ const TRIES_PER_COLLAPSE: f64 = 2.0;
 /// NOTE: tuned. A round ends at the first collapse that costs more than this many times the costliest one that it aims
 /// at.
 const COST_SPREAD: f32 = 4.0;
+/// Collapses between one level of indirection and the next, when memory is asked for in advance.
+const AHEAD: usize = 4;
 /// Faces by which the last collapse of a stage may undershoot the target.
 const BELOW_MAX: usize = 2;
 
@@ -52,6 +55,7 @@ impl<M: Metric> Engine<M> {
         self.again.clear();
         let mut at = 0;
         loop {
+            self.prefetch(at);
             let chosen = self.chosen.get(at).copied();
             let again = self.again.peek().map(|&Reverse(bid)| bid);
             let Some(from) = chosen.into_iter().chain(again).min().map(Bid::vertex) else { return };
@@ -70,6 +74,55 @@ impl<M: Metric> Engine<M> {
                 return;
             }
         }
+    }
+
+    /// Asks for what the collapses after the one at `at` will read: they are scattered over the cluster, so each would
+    /// wait for the memory of one thing after the other.
+    #[inline(always)]
+    fn prefetch(&self, at: usize) {
+        let Self { mesh, rings, proposals, chosen, cost, touched, .. } = self;
+        if let Some(from) = chosen.get(at + 4 * AHEAD).map(|bid| bid.vertex()) {
+            prefetch(&proposals[from]);
+            prefetch(&touched[from]);
+            rings.prefetch_row(from);
+        }
+        if let Some(from) = chosen.get(at + 3 * AHEAD).map(|bid| bid.vertex())
+            && let Some(to) = proposals[from].to.some()
+        {
+            rings.prefetch(from);
+            rings.prefetch_row(to);
+            prefetch(&touched[to]);
+        }
+        if let Some(Edge { from, to }) = self.upcoming(at + 2 * AHEAD) {
+            cost.prefetch(from);
+            cost.prefetch(to);
+            mesh.prefetch_faces(rings.of(from));
+            rings.prefetch(to);
+        }
+        if let Some(Edge { from, to }) = self.upcoming(at + AHEAD) {
+            mesh.prefetch_ends(rings.of(from));
+            mesh.prefetch_faces(rings.of(to));
+            for &corner in rings.of(from) {
+                rings.prefetch_row(mesh.vertex_of(corner.next()));
+            }
+        }
+        if let Some(Edge { from, to }) = self.upcoming(at + AHEAD / 2) {
+            for &corner in rings.of(from) {
+                rings.prefetch(mesh.vertex_of(corner.next()));
+            }
+            for wedge in [from, to].into_iter().filter_map(|end| mesh.living(*rings.of(end).first()?)) {
+                cost.prefetch_wedge(wedge);
+            }
+        }
+    }
+
+    /// The edge that is chosen as number `at` of the round, if neither end took part in a collapse yet.
+    #[inline(always)]
+    fn upcoming(&self, at: usize) -> Option<Edge> {
+        let from = self.chosen.get(at)?.vertex();
+        let to = self.proposals[from].to.some()?;
+        let is_free = self.touched[from] != self.round && self.touched[to] != self.round;
+        is_free.then_some(Edge { from, to })
     }
 
     /// Collapses a vertex as proposed, unless one end took part in a collapse of this round. Returns `false` if the
