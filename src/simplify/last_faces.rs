@@ -17,7 +17,7 @@ const MEAN_FACES: f64 = 2.0;
 /// Up to this many faces of a large part, faces are counted with each collapse.
 const FEW_FACES: u32 = 8;
 /// The same if fewer than this share of all faces may vanish before a large part has so few: counting all takes long.
-const SPARE_MIN: f64 = 1.0 / 64.0;
+const SPARE_MIN: f64 = 1.0 / 8.0;
 
 /// Faces and area of each part, in meshes of several parts.
 #[derive(Debug, Default)]
