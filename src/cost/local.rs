@@ -49,13 +49,7 @@ impl LocalQuadric {
     pub fn add_plane(&mut self, normal: Vec3, weight: f32) {
         let mut planes = Planes::default();
         planes.add(normal.into(), weight);
-        self.add_quadratic(&planes.quadratic());
-    }
-
-    /// Adds the quadratic part of another quadric with the same origin.
-    #[inline(always)]
-    pub fn add_quadratic(&mut self, other: &[f32; 6]) {
-        self.quadratic.iter_mut().zip(other).for_each(|(own, other)| *own += other);
+        self.add(&Self { quadratic: planes.quadratic(), ..Self::default() });
     }
 
     /// Adds another quadric with the same origin.
@@ -109,7 +103,7 @@ impl Planes {
         self.mixed += scaled.yzx() * normal.zxy();
     }
 
-    /// For [`LocalQuadric::add_quadratic`].
+    /// For [`LocalQuadric::quadratic`].
     #[inline(always)]
     pub fn quadratic(&self) -> [f32; 6] {
         let (diagonal, mixed) = (self.diagonal, self.mixed);

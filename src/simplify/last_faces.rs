@@ -113,10 +113,64 @@ impl LastFaces {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::HashMap;
+
+    use proptest::prelude::*;
+
+    use super::{LastFaces, MEAN_FACES};
     use crate::cost::{SurfaceCost, Weights};
-    use crate::mesh::cluster::samples;
+    use crate::mesh::FaceId;
+    use crate::mesh::cluster::{ClusterMesh, samples};
     use crate::model::id::PartId;
     use crate::simplify::{Engine, Stop};
+
+    /// What [`LastFaces::are_last`] says, by a plain count of all faces. The faces of the grid are equally large.
+    fn are_last_by_count(mesh: &ClusterMesh, dying: &[FaceId], all: &HashMap<PartId, usize>) -> bool {
+        dying.iter().map(|&face| mesh.parts[face]).any(|part| {
+            let share = all[&part] as f64 / mesh.parts.len() as f64;
+            let is_large = share * mesh.face_count as f64 >= MEAN_FACES;
+            is_large && mesh.living_faces().all(|face| mesh.parts[face] != part || dying.contains(&face))
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn it_knows_the_last_faces_whatever_order_they_die_in(
+            parts in prop::collection::vec(0..6_u32, 128),
+            by_patches in any::<bool>(),
+            order in Just((0..128_u32).collect::<Vec<_>>()).prop_shuffle(),
+            stage in 20..100_usize,
+        ) {
+            let mut mesh = samples::grid(8, 0.0);
+            prop_assert_eq!(mesh.parts.len(), 128);
+            for face in 0..128 {
+                // Patches of unequal size, or parts mixed face by face.
+                mesh.parts.raw[face] = PartId::new(if by_patches { parts[face / 23] } else { parts[face].min(1) });
+            }
+            let mut all: HashMap<PartId, usize> = HashMap::new();
+            mesh.parts.iter().for_each(|&part| *all.entry(part).or_default() += 1);
+            prop_assume!(all.len() > 1);
+            let mut last = LastFaces::default();
+            last.count(&mesh);
+            let mut refused = 0;
+            for (i, pair) in order.chunks(2).enumerate() {
+                let dying: Vec<_> = pair.iter().map(|&face| FaceId::new(face)).collect();
+                let is_last = last.are_last(&mesh, &dying);
+                prop_assert_eq!(is_last, are_last_by_count(&mesh, &dying, &all));
+                if is_last {
+                    refused += 1;
+                } else {
+                    dying.iter().for_each(|&face| mesh.kill(face));
+                    last.remove(&mesh, &dying);
+                }
+                if i == stage {
+                    last.count(&mesh);
+                }
+            }
+            prop_assert!(refused > 0 || mesh.face_count < 10);
+        }
+    }
 
     #[test]
     fn a_part_keeps_a_face_while_it_covers_what_two_faces_do() {

@@ -61,7 +61,7 @@ impl EdgeStar {
         if closed && !to_shared && self.dying.len() == 2 && rings.living(mesh, from).nth(FEW_FACES).is_some() {
             return self.check_closed(mesh, rings, from, to);
         }
-        let (seen, common) = (self.epoch, self.epoch + 1);
+        let seen = self.epoch;
         for &corner in rings.of(from) {
             let Some(wedge) = mesh.living(corner) else { continue };
             let ring = mesh.others_of(corner);
@@ -93,16 +93,7 @@ impl EdgeStar {
                 }
             }
         }
-        let mut common_count = 0;
-        for corner in rings.living(mesh, to) {
-            for v in mesh.others_of(corner) {
-                if self.mark[v] == seen && v != from {
-                    self.mark[v] = common;
-                    common_count += 1;
-                }
-            }
-        }
-        if common_count != self.dying.len() {
+        if self.count_common(mesh, rings, to) != self.dying.len() {
             return Err(Refusal::Topology);
         }
         self.check_piece(mesh, rings, from, to)
@@ -120,10 +111,16 @@ impl EdgeStar {
         if self.wedges.len() != 1 {
             return Err(Refusal::Seam);
         }
-        let (seen, common) = (self.epoch, self.epoch + 1);
+        let seen = self.epoch;
         for corner in rings.living(mesh, from) {
             self.mark[mesh.vertex_of(corner.next())] = seen;
         }
+        if self.count_common(mesh, rings, to) == 2 { Ok(()) } else { Err(Refusal::Topology) }
+    }
+
+    /// Number of vertices that share a face with `to` and were marked with the current epoch. Each then has the next one.
+    fn count_common(&mut self, mesh: &ClusterMesh, rings: &Rings, to: LocalVertex) -> usize {
+        let (seen, common) = (self.epoch, self.epoch + 1);
         let mut count = 0;
         for corner in rings.living(mesh, to) {
             for vertex in mesh.others_of(corner) {
@@ -134,7 +131,7 @@ impl EdgeStar {
                 }
             }
         }
-        if count == 2 { Ok(()) } else { Err(Refusal::Topology) }
+        count
     }
 
     /// Checks that no face folds over, in space or in texture space, when the `moving` vertices come to `position` and
