@@ -1,6 +1,7 @@
 //! A tree of bounding boxes: finds the items near a segment, and the distance to the item nearest to a point.
 //!
-//! Items are sorted along a Morton curve and put into leaves of eight; the leaves form a complete binary tree:
+//! Items are halved across the longest side of the box around their centres, down to leaves of eight; the leaves form a
+//! complete binary tree:
 //!
 //! ```text
 //!                 1
@@ -11,10 +12,9 @@
 //! Unlike a uniform grid it stays efficient where item sizes and densities vary widely.
 //!
 //! # Memory
-//! 4 bytes an item, plus 48 · 2 / 8 to 48 · 4 / 8 for the nodes; 16 more during construction.
+//! 4 bytes an item, plus 48 · 2 / 8 to 48 · 4 / 8 for the nodes; 16 more an item during construction.
 
 use glam::{BVec3, DVec3};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::base::pool::in_parallel;
@@ -23,8 +23,10 @@ use crate::base::pool::in_parallel;
 const LEAF_BOXES: usize = 8;
 /// Largest depth of the tree: item ids have 32 bits.
 const DEPTH_MAX: usize = 32;
-/// Bits of a Morton code along each axis.
-const MORTON_BITS: u32 = 21;
+/// Fewest items of each half that are sorted on two threads.
+const JOIN_ITEMS_MIN: usize = 4096;
+/// Items by which the axis to halve along is chosen.
+const AXIS_ITEMS: usize = 64;
 
 /// An axis-aligned box; empty if `low` is above `high`.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, PartialEq)]
@@ -115,16 +117,16 @@ impl BoxTree {
     /// Builds the tree over the items 0 .. `count`, whose boxes `box_of` returns. O(n log n).
     pub fn new(count: usize, box_of: impl Fn(u32) -> Bounds) -> Self {
         let whole = (0..count as u32).fold(Bounds::EMPTY, |all, item| all.with(box_of(item)));
-        let scale =
-            f64::from((1u32 << MORTON_BITS) - 1) / (whole.high - whole.low).max_element().max(f64::MIN_POSITIVE);
-        let code = |b: Bounds| {
-            let at = ((b.low + b.high) * 0.5 - whole.low) * scale;
-            spread_bits(at.x as u64) | spread_bits(at.y as u64) << 1 | spread_bits(at.z as u64) << 2
+        let scale = f64::from(u32::MAX) / (whole.high - whole.low).max_element().max(f64::MIN_POSITIVE);
+        let place = |item| {
+            let Bounds { low, high } = box_of(item);
+            let centre = ((low + high) * 0.5 - whole.low) * scale;
+            Place([centre.x as u32, centre.y as u32, centre.z as u32, item])
         };
-        let mut keys: Vec<(u64, u32)> = (0..count as u32).map(|item| (code(box_of(item)), item)).collect();
-        in_parallel(|| keys.par_sort_unstable());
-        let items: Vec<u32> = keys.into_iter().map(|(_, item)| item).collect();
-        let leaf_base = items.len().div_ceil(LEAF_BOXES).next_power_of_two();
+        let mut places: Vec<Place> = (0..count as u32).map(place).collect();
+        let leaf_base = count.div_ceil(LEAF_BOXES).next_power_of_two();
+        halve(&mut places, leaf_base * LEAF_BOXES);
+        let items: Vec<u32> = places.into_iter().map(|Place([.., item])| item).collect();
         let mut nodes = vec![Bounds::EMPTY; 2 * leaf_base];
         for (node, leaf) in nodes[leaf_base..].iter_mut().zip(items.chunks(LEAF_BOXES)) {
             *node = leaf.iter().fold(Bounds::EMPTY, |all, &item| all.with(box_of(item)));
@@ -191,26 +193,53 @@ impl BoxTree {
     }
 }
 
-/// Puts two zero bits after each of the lower 21 bits.
-fn spread_bits(x: u64) -> u64 {
-    let x = x & 0x1f_ffff;
-    let x = (x | x << 32) & 0x1f_0000_0000_ffff;
-    let x = (x | x << 16) & 0x1f_0000_ff00_00ff;
-    let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
-    let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
-    (x | x << 2) & 0x1249_2492_4924_9249
+/// The centre of an item's box, as a share of the whole box's longest side, and the item.
+#[derive(Debug, Clone, Copy)]
+struct Place([u32; 4]);
+
+impl Place {
+    /// Orders items along an axis.
+    fn along(&self, axis: usize) -> u64 {
+        u64::from(self.0[axis]) << 32 | u64::from(self.0[3])
+    }
+}
+
+/// Sorts items so that neighbours share a node, whose leaves have `room` items; `room` is [`LEAF_BOXES`] times a power
+/// of two.
+fn halve(places: &mut [Place], room: usize) {
+    let middle = room / 2;
+    if room <= LEAF_BOXES || places.is_empty() {
+        return;
+    }
+    if places.len() > middle {
+        let axis = longest_axis(places);
+        places.select_nth_unstable_by_key(middle, |place| place.along(axis));
+    }
+    let (near, far) = places.split_at_mut(middle.min(places.len()));
+    if far.len() >= JOIN_ITEMS_MIN {
+        in_parallel(|| rayon::join(|| halve(near, middle), || halve(far, middle)));
+    } else {
+        halve(near, middle);
+        halve(far, middle);
+    }
+}
+
+/// The axis along which a sample of some items extends farthest.
+fn longest_axis(places: &[Place]) -> usize {
+    let (mut low, mut high) = ([u32::MAX; 3], [0; 3]);
+    for place in places.iter().step_by(places.len().div_ceil(AXIS_ITEMS)) {
+        for axis in 0..3 {
+            low[axis] = low[axis].min(place.0[axis]);
+            high[axis] = high[axis].max(place.0[axis]);
+        }
+    }
+    (0..3).max_by_key(|&axis| high[axis] - low[axis]).unwrap_or(0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
-
-    #[test]
-    fn bits_are_spread_by_three() {
-        assert_eq!(spread_bits(0b1011), 0b001_000_001_001);
-        assert_eq!(spread_bits(0x1f_ffff), 0x1249_2492_4924_9249);
-    }
 
     #[test]
     fn an_empty_tree_has_nothing_near() {

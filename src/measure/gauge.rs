@@ -28,6 +28,8 @@ const CANDIDATES_MAX: u64 = 16;
 /// One landmark is taken for this many vertices of the result, but no more than [`LANDMARKS_MAX`] in all.
 const VERTICES_PER_LANDMARK: u64 = 8;
 const LANDMARKS_MAX: u64 = 65_536;
+/// Points that are searched for one after the other.
+const RUN_POINTS: usize = 128;
 /// Largest factor by which the deviation of the whole is taken to exceed, or fall below, that of the cells.
 const SCALE_MAX: f64 = 8.0;
 
@@ -133,25 +135,48 @@ fn at_most_sq(result: &StoredMesh, points: &[DVec3]) -> Result<Vec<f64>> {
         landmarks.extend(piece.positions.window(0..piece.positions.len())?.into_iter().step_by(step));
     }
     let tree = BoxTree::new(landmarks.len(), |index| Bounds::around([landmarks[index as usize]]));
-    let nearest_sq = |&point: &DVec3| {
-        tree.nearest_sq(point, f64::INFINITY, |index| landmarks[index as usize].distance_squared(point))
-    };
-    Ok(in_parallel(|| points.par_iter().map(nearest_sq).collect()))
+    let mut distances_sq = vec![f64::INFINITY; points.len()];
+    lower(&tree, points, &mut distances_sq, |point, index, _| landmarks[index as usize].distance_squared(point));
+    Ok(distances_sq)
 }
 
 /// Lowers the squared distances of points to those from `count` triangles.
 fn nearest_sq(count: usize, triangle: impl Fn(u32) -> [DVec3; 3] + Sync, points: &[DVec3], distances_sq: &mut [f64]) {
     let tree = BoxTree::new(count, |face| Bounds::around(triangle(face)));
-    let lower = |(&point, nearest_sq): (&DVec3, &mut f64)| {
-        if tree.bounds().distance_sq(point) < *nearest_sq {
-            tree.nearest_sq(point, *nearest_sq, |face| {
-                let corners = triangle(face);
-                if Bounds::around(corners).distance_sq(point) < *nearest_sq {
-                    *nearest_sq = nearest_sq.min(closest_point(point, corners).distance_squared(point));
+    lower(&tree, points, distances_sq, |point, face, limit| {
+        let corners = triangle(face);
+        let may_be_nearer = Bounds::around(corners).distance_sq(point) < limit;
+        if may_be_nearer { closest_point(point, corners).distance_squared(point) } else { limit }
+    });
+}
+
+/// Lowers the squared distances of points to those from the items of a tree. `distance_sq` is that of a point and an
+/// item; it may be the limit, its last argument, if it is not below that.
+fn lower(
+    tree: &BoxTree,
+    points: &[DVec3],
+    distances_sq: &mut [f64],
+    distance_sq: impl Fn(DVec3, u32, f64) -> f64 + Sync,
+) {
+    let lower_run = |(points, distances_sq): (&[DVec3], &mut [f64])| {
+        // Points in a run are neighbours, so the item nearest to one is near the next.
+        let mut last = None;
+        for (&point, lowest) in points.iter().zip(distances_sq) {
+            if tree.bounds().distance_sq(point) >= *lowest {
+                continue;
+            }
+            let (mut best, mut nearest) = (*lowest, last);
+            let mut lower_to = |item| {
+                let distance_sq = distance_sq(point, item, best);
+                if distance_sq < best {
+                    (best, nearest) = (distance_sq, Some(item));
                 }
-                *nearest_sq
-            });
+                best
+            };
+            let limit = last.map_or(*lowest, &mut lower_to);
+            *lowest = tree.nearest_sq(point, limit, lower_to);
+            last = nearest;
         }
     };
-    in_parallel(|| points.par_iter().zip(distances_sq).for_each(lower));
+    in_parallel(|| points.par_chunks(RUN_POINTS).zip(distances_sq.par_chunks_mut(RUN_POINTS)).for_each(lower_run));
 }

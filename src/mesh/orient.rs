@@ -15,9 +15,10 @@ use super::id::{Corner, LocalVertex};
 use crate::base::id::TiVec;
 
 /// Turns faces over so that the two faces of each edge run along it in opposite directions, wherever that is possible.
-/// Edges of three faces or more do not count; the first face of each surface stays. No face may be dead. O(n), plus
-/// sorting at each vertex; 24 bytes a face and 4 a vertex.
-pub fn orient(mesh: &mut ClusterMesh) {
+/// Edges of three faces or more do not count; the first face of each surface stays. No face may be dead. Returns the
+/// vertices of the faces that were turned over, ascending. O(n), plus sorting at each vertex; 24 bytes a face and 4 a
+/// vertex.
+pub fn orient(mesh: &mut ClusterMesh) -> Vec<LocalVertex> {
     let twins = twins(mesh);
     let mut is_known = mesh.per_face(false);
     let mut front = Vec::new();
@@ -41,6 +42,11 @@ pub fn orient(mesh: &mut ClusterMesh) {
         }
     }
     swap_turned(mesh);
+    let mut is_of_turned = mesh.per_vertex(false);
+    for face in mesh.face_ids().filter(|&face| mesh.is_turned[face]) {
+        mesh.vertices(face).into_iter().for_each(|vertex| is_of_turned[vertex] = true);
+    }
+    mesh.vertex_ids().filter(|&vertex| is_of_turned[vertex]).collect()
 }
 
 /// Restores the input direction of every face.

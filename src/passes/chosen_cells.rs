@@ -124,6 +124,17 @@ impl ChosenCells {
         }
     }
 
+    /// Reports whether no triangle whose longest side is shorter than the root of [`small_sq`](Self::small_sq) is within
+    /// half a side of a chosen cell if it has a corner here.
+    pub(super) fn are_far_from(&mut self, corner: DVec3) -> bool {
+        self.around(corner) == CellNeighbourhood::None
+    }
+
+    /// Square of the length below which a triangle is small.
+    pub(super) fn small_sq(&self) -> f64 {
+        (SMALL * self.grid.side) * (SMALL * self.grid.side)
+    }
+
     /// Visits the chosen cells near a triangle; visits none if its bounding box meets more than [`BLOCKS_MAX`] blocks.
     pub(super) fn each_near(&mut self, triangle: [DVec3; 3], mut visit: impl FnMut(GridPosition)) {
         let [low, high] = self.places_around(triangle, SIDE_PARTS / 2);

@@ -1,5 +1,7 @@
 //! Which faces of the input get sample points: a share goes by area, a share by face, the rest by expected error.
 
+use glam::DVec3;
+
 use crate::base::id::TiVec;
 use crate::mesh::ClusterMesh;
 use crate::mesh::id::{FaceId, LocalVertex};
@@ -28,32 +30,37 @@ pub(super) struct FaceWeights {
 }
 
 impl FaceWeights {
-    /// Fills `ends` with running sums of the sampling weights and returns the area. A share of the weight goes by area,
-    /// a share by face, and the rest by expected error: area × bend × length². The last is capped at the value that a
-    /// share `left` of the faces exceeds, since those faces stay.
-    pub(super) fn weigh(&mut self, mesh: &ClusterMesh, left: f64) -> f64 {
+    /// Begins with a mesh of this many vertices.
+    pub(super) fn begin(&mut self, vertices: usize) {
         self.normals.clear();
-        self.normals.resize(mesh.positions.len(), [0.0; 4]);
+        self.normals.resize(vertices, [0.0; 4]);
         self.sizes.clear();
-        let (mut area, mut with_area) = (0.0, 0u64);
-        for face in mesh.face_ids() {
-            let [a, b, c] = mesh.triangle(face);
-            let (ab, ac) = (b - a, c - a);
-            let normal = ab.cross(ac);
-            let length = finite(normal.length());
-            let longest_sq = ab.length_squared().max(ac.length_squared()).max(b.distance_squared(c));
-            self.sizes.push((0.5 * length, longest_sq as f32));
-            if length == 0.0 {
-                continue;
-            }
-            area += 0.5 * length;
-            with_area += 1;
+    }
+
+    /// Measures the next face; returns the square of its longest side.
+    #[inline(always)]
+    pub(super) fn measure(&mut self, vertices: [LocalVertex; 3], [a, b, c]: [DVec3; 3]) -> f64 {
+        let (ab, ac) = (b - a, c - a);
+        let normal = ab.cross(ac);
+        let length = finite(normal.length());
+        let longest_sq = ab.length_squared().max(ac.length_squared()).max(b.distance_squared(c));
+        self.sizes.push((0.5 * length, longest_sq as f32));
+        if length > 0.0 {
             let sum = [normal.x, normal.y, normal.z, length].map(|x| x as f32);
-            for vertex in mesh.vertices(face) {
+            for vertex in vertices {
                 let of_vertex = &mut self.normals[vertex];
                 (0..4).for_each(|k| of_vertex[k] += sum[k]);
             }
         }
+        longest_sq
+    }
+
+    /// Fills `ends` with running sums of the sampling weights of the faces, all of which were measured, and returns
+    /// their area. A share of the weight goes by area, a share by face, and the rest by expected error: area × bend ×
+    /// length². The last is capped at the value that a share `left` of the faces exceeds, since those faces stay.
+    pub(super) fn weigh(&mut self, mesh: &ClusterMesh, left: f64) -> f64 {
+        let area: f64 = self.sizes.iter().map(|&(area, _)| area).sum();
+        let with_area = self.sizes.iter().filter(|&&(area, _)| area > 0.0).count();
         self.bends.clear();
         self.bends.extend(self.normals.iter().map(|&[x, y, z, length]| {
             let bend = 1.0 - (x * x + y * y + z * z).sqrt() / length;

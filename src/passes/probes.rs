@@ -13,7 +13,7 @@
 //! large.
 //!
 //! # Memory
-//! 32 bytes for each of up to 4 × 32,768 points, about 24 for each of some 37,000 triangles; 24 bytes per vertex and 32
+//! 32 bytes for each of up to 4 × 32,768 points, about 24 for each of some 37,000 triangles; 25 bytes per vertex and 32
 //! per face of the cluster that is probed.
 
 use std::cell::Cell;
@@ -65,6 +65,8 @@ thread_local! {
 struct ProbeBuffers {
     /// Each vertex of the mesh among the kept ones, or none.
     kept: TiVec<LocalVertex, ProbeVertex>,
+    /// Whether no chosen cell is near a small triangle with this vertex.
+    is_far: TiVec<LocalVertex, bool>,
     weights: FaceWeights,
 }
 
@@ -168,17 +170,25 @@ impl Probing {
         let triangles_max = most(TRIANGLES_PER_FACE * CHOSEN_FACES);
         let mut chosen = ChosenCells::new(self.grid);
         let mut scratch = SCRATCH.take();
-        let kept = &mut scratch.kept;
+        let ProbeBuffers { kept, is_far, weights: face_weights } = &mut scratch;
         kept.clear();
         kept.resize(mesh.positions.len(), ProbeVertex::NONE);
+        is_far.clear();
+        is_far.extend(mesh.positions.iter().map(|&position| chosen.are_far_from(origin + position)));
+        face_weights.begin(mesh.positions.len());
         let (mut triangles, mut vertices, mut crowded) = (TiVec::new(), TiVec::new(), Vec::new());
         for face in mesh.face_ids() {
-            let [a, b, c] = mesh.triangle(face);
-            let is_near = chosen.are_near([a, b, c].map(|corner| origin + corner));
+            let (corners, triangle) = (mesh.vertices(face), mesh.triangle(face));
+            let longest_sq = face_weights.measure(corners, triangle);
+            if is_far[corners[0]] && longest_sq < chosen.small_sq() {
+                continue;
+            }
+            let triangle = triangle.map(|corner| origin + corner);
+            let is_near = chosen.are_near(triangle);
             if is_near && triangles.len() == triangles_max {
-                chosen.each_near([a, b, c].map(|corner| origin + corner), |cell| crowded.push(cell));
+                chosen.each_near(triangle, |cell| crowded.push(cell));
             } else if is_near {
-                triangles.push(mesh.vertices(face).map(|vertex| {
+                triangles.push(corners.map(|vertex| {
                     let kept = &mut kept[vertex];
                     if *kept == ProbeVertex::NONE {
                         *kept = vertices.push_and_get_key(origin + mesh.positions[vertex]);
@@ -188,11 +198,11 @@ impl Probing {
             }
         }
         let left = self.target as f64 / self.faces.max(1) as f64;
-        let area = scratch.weights.weigh(mesh, left);
+        let area = face_weights.weigh(mesh, left);
         let count = if area > 0.0 { (self.points as f64 * share).ceil() as usize } else { 0 };
         let mut hash = mixed(u64::from(cluster.number()));
         let (mut points, mut weights) = (Vec::with_capacity(count), Vec::with_capacity(count));
-        let ends = &scratch.weights.ends;
+        let ends = &face_weights.ends;
         let all = ends.last().copied().unwrap_or(0.0);
         for part in 0..count {
             hash = mixed(hash);

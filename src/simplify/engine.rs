@@ -297,9 +297,9 @@ impl<M: Metric> Engine<M> {
             if !self.classes.is_empty() {
                 reclassify_all(&self.mesh, &self.rings, &mut self.classes);
             } else if classify(&self.mesh, &self.rings, &mut self.classes) {
-                orient(&mut self.mesh);
+                let turned = orient(&mut self.mesh);
                 self.rings.build(&self.mesh);
-                classify(&self.mesh, &self.rings, &mut self.classes);
+                reclassify(&self.mesh, &self.rings, &mut self.classes, &turned);
             }
             for vertex in self.mesh.vertex_ids().filter(|&vertex| self.mesh.is_shared(vertex)) {
                 self.classes[vertex] = Class::Fixed;

@@ -43,28 +43,12 @@ impl Loners {
         let tree = BoxTree::new(mesh.corners.len(), |face| Bounds::around(mesh.triangle(FaceId::new(face))));
         let mut loners: Vec<FaceId> = faces.iter().map(|loner| loner.face).collect();
         loners.sort_unstable();
-        let size_of = |face: FaceId| (area_of(mesh.triangle(face)), face);
+        loners.dedup();
+        let priced: Vec<Option<PricedFace>> =
+            loners.iter().map(|&face| price_face(mesh, &tree, &loners, face)).collect();
         self.prices.extend(faces.into_iter().filter_map(|Loner { vertex, face }| {
-            let triangle = mesh.triangle(face);
-            let stays_longer = |other: FaceId| loners.binary_search(&other).is_err() || size_of(other) > size_of(face);
-            let middle = triangle.into_iter().sum::<DVec3>() / 3.0;
-            let mut nearest = (f64::INFINITY, face);
-            tree.nearest_sq(middle, f64::INFINITY, |other| {
-                let other = FaceId::new(other);
-                let corners = mesh.triangle(other);
-                // Cheap test first: the boxes of most faces are too far away.
-                if Bounds::around(corners).distance_sq(middle) > nearest.0 || !stays_longer(other) {
-                    return f64::INFINITY;
-                }
-                let away_sq = distance_sq(middle, corners);
-                if (away_sq, other) < nearest {
-                    nearest = (away_sq, other);
-                }
-                away_sq
-            });
-            let (away_sq, other) = nearest;
-            let price = (PRICE * area_of(triangle) * away_sq) as f32;
-            price.is_finite().then(|| Price { vertex, price, neighbour: mesh.vertices(other)[0] })
+            let PricedFace { price, neighbour } = priced[loners.binary_search(&face).ok()?]?;
+            Some(Price { vertex, price, neighbour })
         }));
     }
 
@@ -85,6 +69,39 @@ impl Loners {
     pub fn neighbour_of(&self, vertex: LocalVertex) -> Option<LocalVertex> {
         self.find(vertex).map(|found| found.neighbour)
     }
+}
+
+/// The price of an isolated face.
+#[derive(Debug, Clone, Copy)]
+struct PricedFace {
+    price: f32,
+    /// A vertex of the nearest face that stays longer.
+    neighbour: LocalVertex,
+}
+
+/// Prices one of some isolated faces, which are sorted; `None` if no other face stays longer.
+fn price_face(mesh: &ClusterMesh, tree: &BoxTree, loners: &[FaceId], face: FaceId) -> Option<PricedFace> {
+    let size_of = |face: FaceId| (area_of(mesh.triangle(face)), face);
+    let stays_longer = |other: FaceId| loners.binary_search(&other).is_err() || size_of(other) > size_of(face);
+    let triangle = mesh.triangle(face);
+    let middle = triangle.into_iter().sum::<DVec3>() / 3.0;
+    let mut nearest = (f64::INFINITY, face);
+    tree.nearest_sq(middle, f64::INFINITY, |other| {
+        let other = FaceId::new(other);
+        let corners = mesh.triangle(other);
+        // Cheap test first: the boxes of most faces are too far away.
+        if Bounds::around(corners).distance_sq(middle) > nearest.0 || !stays_longer(other) {
+            return f64::INFINITY;
+        }
+        let away_sq = distance_sq(middle, corners);
+        if (away_sq, other) < nearest {
+            nearest = (away_sq, other);
+        }
+        away_sq
+    });
+    let (away_sq, other) = nearest;
+    let price = (PRICE * area_of(triangle) * away_sq) as f32;
+    price.is_finite().then(|| PricedFace { price, neighbour: mesh.vertices(other)[0] })
 }
 
 /// The price of the face of a vertex.
