@@ -7,8 +7,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
-/// Bytes read at once.
-const READ_BYTES: usize = 256 << 10;
+/// Most bytes read at once.
+const READ_BYTES: u64 = 256 << 10;
 
 /// Length and hash of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
@@ -45,7 +45,8 @@ impl Content {
         let length = file.metadata()?.len();
         let mut file = file.take(length);
         let (mut bytes, mut hash) = (0, Xxh3::new());
-        let mut buffer = vec![0; READ_BYTES];
+        // Most textures of a survey are far smaller.
+        let mut buffer = vec![0; length.clamp(1, READ_BYTES) as usize];
         loop {
             match file.read(&mut buffer) {
                 Ok(0) => return Ok(Self { bytes, hash: hash.digest() }),

@@ -8,7 +8,8 @@ use crate::base::Error;
 use crate::os::content::Content;
 use crate::os::durable::sync_file;
 
-const COPY_BUFFER_BYTES: usize = 256 << 10;
+/// Most bytes compared at once.
+const COMPARED_BYTES: u64 = 256 << 10;
 
 /// Length and modification time of a file, by which a change is detected; `None` if it does not exist.
 pub(super) type Look = Option<(u64, Option<std::time::SystemTime>)>;
@@ -66,9 +67,9 @@ pub(super) fn same_content(a: &Path, b: &Path) -> io::Result<bool> {
     if !metadata.is_file() || metadata.len() != fs::metadata(b)?.len() {
         return Ok(false);
     }
-    let mut a = io::BufReader::with_capacity(COPY_BUFFER_BYTES, File::open(a)?);
-    let mut b = File::open(b)?;
-    let (mut left, mut right) = (vec![0; COPY_BUFFER_BYTES], vec![0; COPY_BUFFER_BYTES]);
+    let (mut a, mut b) = (File::open(a)?, File::open(b)?);
+    let bytes = metadata.len().clamp(1, COMPARED_BYTES) as usize;
+    let (mut left, mut right) = (vec![0; bytes], vec![0; bytes]);
     loop {
         let count = b.read(&mut right)?;
         if count == 0 {
