@@ -69,13 +69,15 @@ impl ClusterTask {
         };
         let probes = probing.map(|probing| probing.take(&source.mesh, source.origin, self.cluster));
         let mut mesh = std::mem::take(&mut source.mesh);
-        let spare_faces = self.spare_faces(mesh.face_count as u64);
+        let faces_before = mesh.face_count;
+        let spare_faces = self.spare_faces(faces_before as u64);
         let (dropped_pieces, dropped_piece_faces) = match self.min_component_diagonal {
             Some(diagonal) => pieces::drop_small(&mut mesh, diagonal, spare_faces),
             None => (0, 0),
         };
         let wanted = if matches!(self.output, TaskOutput::Log) { Wanted::Log } else { Wanted::Mesh };
-        let mut simplified = engine.simplify(mesh, &self.rules, &self.stop, wanted);
+        let stop = self.stop.of_rest(faces_before, mesh.face_count);
+        let mut simplified = engine.simplify(mesh, &self.rules, &stop, wanted);
         let mut counters = Counters {
             faces_in: simplified.faces_in,
             faces_out: simplified.faces_out,

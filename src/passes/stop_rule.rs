@@ -80,6 +80,22 @@ impl StopRule {
     }
 }
 
+impl ClusterStop {
+    /// How a cluster of `before` faces stops that has lost all but `left` of them before it is simplified: its shares
+    /// stay those of the faces that it had.
+    pub(super) fn of_rest(&self, before: usize, left: usize) -> Self {
+        let of_left = |shares: &[f64]| -> Vec<f64> {
+            shares.iter().map(|share| (share * before as f64 / left.max(1) as f64).min(1.0)).collect()
+        };
+        match self {
+            _ if left == before => self.clone(),
+            ClusterStop::Shares(shares) => ClusterStop::Shares(of_left(shares)),
+            ClusterStop::Faces(shares, target) => ClusterStop::Faces(of_left(shares), *target),
+            ClusterStop::Costs(..) | ClusterStop::Deviation(_) => self.clone(),
+        }
+    }
+}
+
 impl Recalled for StopRule {
     /// Number of clusters.
     type Context<'a> = usize;
@@ -166,6 +182,18 @@ mod tests {
     use super::*;
     use crate::cost::SurfaceCost;
     use crate::mesh::cluster::samples;
+
+    #[test]
+    fn shares_are_of_the_faces_before_pieces_were_dropped() {
+        let rest = |stop: ClusterStop, left| match stop.of_rest(400, left) {
+            ClusterStop::Shares(shares) => (shares, 0),
+            ClusterStop::Faces(shares, target) => (shares, target),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(rest(ClusterStop::Shares(vec![0.75, 0.5]), 400).0, [0.75, 0.5]);
+        assert_eq!(rest(ClusterStop::Shares(vec![0.75, 0.25]), 200).0, [1.0, 0.5]);
+        assert_eq!(rest(ClusterStop::Faces(vec![0.5, 0.25], 90), 200), (vec![1.0, 0.5], 90));
+    }
 
     #[test]
     fn a_plan_tells_what_its_last_stage_that_did_anything_cost() {

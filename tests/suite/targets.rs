@@ -104,13 +104,15 @@ proptest! {
         power in -5.0..-0.3f64,
         in_many_clusters in any::<bool>(),
         drop_pieces in any::<bool>(),
-        passes in 1usize..4,
+        keep_topology in any::<bool>(),
+        passes in 1usize..8,
     ) {
         let options = SimplifyOptions {
             target: Target::ratio(10f64.powf(power)),
             limits: Limits { memory: Some(256 << 20), threads: Some(1) },
             cluster_faces: if in_many_clusters { 1000 } else { 50_000 },
             pieces: if drop_pieces { Pieces::Drop } else { Pieces::Keep },
+            topology: if keep_topology { Topology::Keep } else { Topology::Simplify },
             passes,
             ..SimplifyOptions::default()
         };
@@ -126,6 +128,29 @@ proptest! {
         let target = Target::ratio(10f64.powf(power));
         let limits = Limits { threads: Some(2), ..Limits::default() };
         check_target(&sketch, &SimplifyOptions { target, limits, cluster_faces, ..SimplifyOptions::default() })?;
+    }
+}
+
+// A hill of 128 triangles and 100 sheets of two, of which a pass drops more than its collapses remove
+#[test]
+fn dropped_pieces_count_as_faces_that_a_pass_removes() {
+    let mut sketch = grid(8, 8, 2.0, 0.0, 3);
+    for sheet in 0..100 {
+        let corner = sketch.positions.len();
+        let part = grid(1, 1, 0.0, 0.0, 0);
+        let place = DVec3::new(50.0 + 3.0 * f64::from(sheet), 0.0, 0.0);
+        sketch.positions.extend(part.positions.iter().map(|position| place + 0.1 * position));
+        sketch.faces.extend(part.faces.iter().map(|face| face.map(|(v, t)| (v + corner, t + corner))));
+    }
+    for (target, passes) in [(100, 5), (60, 4), (60, 6), (40, 4), (20, 5)] {
+        let options = SimplifyOptions {
+            target: Target::faces(target),
+            topology: Topology::Keep,
+            pieces: Pieces::Drop,
+            passes,
+            ..SimplifyOptions::default()
+        };
+        check_target(&sketch, &options).unwrap_or_else(|fault| panic!("{target} in {passes} passes: {fault}"));
     }
 }
 
