@@ -10,7 +10,7 @@ use super::lock_file::{LOCK, is_locked};
 use super::manifest::{MANIFEST, MANIFEST_BYTES_MAX};
 use super::names::{is_phase_file, is_remains};
 use super::stage::is_stage_folder;
-use crate::base::error::escape_path;
+use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Result};
 use crate::file::header::Header;
 use crate::os::durable::no_links;
@@ -47,8 +47,11 @@ pub(super) fn refuse_foreign(path: &Path) -> Result<()> {
             if is_locked(path) {
                 return Err(Error::Locked(path.to_owned()));
             }
-            let message =
-                format!("{}: holds foreign files; choose an empty or new folder with `work`", escape_path(path));
+            let message = format!(
+                "{}: '{}' is not a file of a job, or a damaged one; choose an empty or new folder with `work`",
+                escape_path(path),
+                escape(name.as_bytes()),
+            );
             return Err(Error::Usage(message));
         }
     }

@@ -253,7 +253,8 @@ fn files_that_are_named_like_ours_are_not_taken_for_ours() {
         fs::write(path.join(name), "of the user").unwrap();
         for resume in [Resume::Auto, Resume::Require, Resume::Never] {
             let error = open(&path, resume).unwrap_err();
-            assert!(error.to_string().contains("holds foreign files"), "{name}: {error}");
+            let words = format!("'{name}' is not a file of a job, or a damaged one");
+            assert!(error.to_string().contains(&words), "{error}");
         }
         assert_eq!(fs::read(path.join(name)).unwrap(), b"of the user");
         fs::remove_file(path.join(name)).unwrap();
