@@ -121,12 +121,12 @@ impl BoxTree {
         let place = |item| {
             let Bounds { low, high } = box_of(item);
             let centre = ((low + high) * 0.5 - whole.low) * scale;
-            Place([centre.x as u32, centre.y as u32, centre.z as u32, item])
+            ItemPlace([centre.x as u32, centre.y as u32, centre.z as u32, item])
         };
-        let mut places: Vec<Place> = (0..count as u32).map(place).collect();
+        let mut places: Vec<ItemPlace> = (0..count as u32).map(place).collect();
         let leaf_base = count.div_ceil(LEAF_BOXES).next_power_of_two();
         halve(&mut places, leaf_base * LEAF_BOXES);
-        let items: Vec<u32> = places.into_iter().map(|Place([.., item])| item).collect();
+        let items: Vec<u32> = places.into_iter().map(|ItemPlace([.., item])| item).collect();
         let mut nodes = vec![Bounds::EMPTY; 2 * leaf_base];
         for (node, leaf) in nodes[leaf_base..].iter_mut().zip(items.chunks(LEAF_BOXES)) {
             *node = leaf.iter().fold(Bounds::EMPTY, |all, &item| all.with(box_of(item)));
@@ -195,9 +195,9 @@ impl BoxTree {
 
 /// The centre of an item's box, as a share of the whole box's longest side, and the item.
 #[derive(Debug, Clone, Copy)]
-struct Place([u32; 4]);
+struct ItemPlace([u32; 4]);
 
-impl Place {
+impl ItemPlace {
     /// Orders items along an axis.
     fn along(&self, axis: usize) -> u64 {
         u64::from(self.0[axis]) << 32 | u64::from(self.0[3])
@@ -206,7 +206,7 @@ impl Place {
 
 /// Sorts items so that neighbours share a node, whose leaves have `room` items; `room` is [`LEAF_BOXES`] times a power
 /// of two.
-fn halve(places: &mut [Place], room: usize) {
+fn halve(places: &mut [ItemPlace], room: usize) {
     let middle = room / 2;
     if room <= LEAF_BOXES || places.is_empty() {
         return;
@@ -225,7 +225,7 @@ fn halve(places: &mut [Place], room: usize) {
 }
 
 /// The axis along which a sample of some items extends farthest.
-fn longest_axis(places: &[Place]) -> usize {
+fn longest_axis(places: &[ItemPlace]) -> usize {
     let (mut low, mut high) = ([u32::MAX; 3], [0; 3]);
     for place in places.iter().step_by(places.len().div_ceil(AXIS_ITEMS)) {
         for axis in 0..3 {

@@ -20,9 +20,8 @@
 //! # Where we differ
 //! Other trees were tried with a million points around a city of 0.99 million triangles on one thread (2026-11-21).
 //! Seconds to build, and to query: this one 0.4 and 0.6; the crates `bvh` 0.13 0.65 and 0.6, `parry3d-f64` 0.31 0.57
-//! and 0.93, `rstar` 0.14 0.73 and 4.7; [`BoxTree`](crate::geometry::boxtree::BoxTree)'s order along a curve, as a tree
-//! of triangles, 0.26 and 1.1. None of the crates can be searched in a mapped file, which a mesh larger than memory
-//! needs.
+//! and 0.93, `rstar` 0.14 0.73 and 4.7; an order along a Morton curve 0.26 and 1.1. None of the crates can be searched
+//! in a mapped file, which a mesh larger than memory needs.
 //!
 //! # Memory
 //! 64 bytes a pair, about one pair for every three triangles; 28 bytes a triangle while the tree is built. At most one

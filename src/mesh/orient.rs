@@ -12,14 +12,15 @@
 
 use super::cluster::ClusterMesh;
 use super::id::{Corner, LocalVertex};
+use super::ring::Rings;
 use crate::base::id::TiVec;
 
 /// Turns faces over so that the two faces of each edge run along it in opposite directions, wherever that is possible.
 /// Edges of three faces or more do not count; the first face of each surface stays. No face may be dead. Returns the
-/// vertices of the faces that were turned over, ascending. O(n), plus sorting at each vertex; 24 bytes a face and 4 a
-/// vertex.
-pub fn orient(mesh: &mut ClusterMesh) -> Vec<LocalVertex> {
-    let twins = twins(mesh);
+/// vertices of the faces that were turned over, ascending; their rings are outdated. O(n), plus sorting at each vertex;
+/// 13 bytes a face and 1 a vertex.
+pub fn orient(mesh: &mut ClusterMesh, rings: &Rings) -> Vec<LocalVertex> {
+    let twins = twins(mesh, rings);
     let mut is_known = mesh.per_face(false);
     let mut front = Vec::new();
     for first in mesh.face_ids() {
@@ -64,35 +65,22 @@ fn swap_turned(mesh: &mut ClusterMesh) {
 
 /// The twin of each half-edge, or [`Corner::NONE`] if its edge does not have exactly two faces. A half-edge is named by the
 /// corner at which it begins.
-fn twins(mesh: &ClusterMesh) -> TiVec<Corner, Corner> {
-    let all = || Corner::first(3 * mesh.corners.len());
-    let ends = |half: Corner| {
-        let (a, b) = (mesh.vertex_of(half), mesh.vertex_of(half.next()));
-        [a.min(b), a.max(b)]
-    };
-    // Buckets the half-edges by their lower end; `places` holds the bucket starts, and after the loop the bucket ends.
-    let mut places = vec![0u32; mesh.positions.len() + 1];
-    all().for_each(|half| places[ends(half)[0].index() + 1] += 1);
-    (1..places.len()).for_each(|vertex| places[vertex] += places[vertex - 1]);
-    let mut halves = vec![Corner::NONE; all().len()];
-    for half in all() {
-        let place = &mut places[ends(half)[0].index()];
-        halves[*place as usize] = half;
-        *place += 1;
-    }
-    let mut twins: TiVec<Corner, Corner> = vec![Corner::NONE; all().len()].into();
-    let mut start = 0;
-    let mut spokes: Vec<(LocalVertex, Corner)> = Vec::new();
-    for &end in &places[..mesh.positions.len()] {
-        spokes.clear();
-        spokes.extend(halves[start..end as usize].iter().map(|&half| (ends(half)[1], half)));
-        spokes.sort_unstable();
-        for edge in spokes.chunk_by(|a, b| a.0 == b.0) {
+fn twins(mesh: &ClusterMesh, rings: &Rings) -> TiVec<Corner, Corner> {
+    let mut twins: TiVec<Corner, Corner> = vec![Corner::NONE; 3 * mesh.corners.len()].into();
+    // Half-edges between a vertex and those after it, with the other end of each.
+    let mut halves: Vec<(LocalVertex, Corner)> = Vec::new();
+    for vertex in mesh.vertex_ids() {
+        halves.clear();
+        for &corner in rings.of(vertex) {
+            let ends = mesh.others_of(corner).into_iter().zip([corner, corner.previous()]);
+            halves.extend(ends.filter(|&(end, _)| end > vertex));
+        }
+        halves.sort_unstable();
+        for edge in halves.chunk_by(|a, b| a.0 == b.0) {
             if let &[(_, a), (_, b)] = edge {
                 (twins[a], twins[b]) = (b, a);
             }
         }
-        start = end as usize;
     }
     twins
 }
@@ -112,6 +100,12 @@ mod tests {
         (class::classify(mesh, &rings, &mut classes), classes)
     }
 
+    fn orient_alone(mesh: &mut ClusterMesh) {
+        let mut rings = Rings::default();
+        rings.build(mesh);
+        orient(mesh, &rings);
+    }
+
     fn turn(mesh: &mut ClusterMesh, face: FaceId) {
         mesh.corners[face].swap(1, 2);
         mesh.corner_vertices[face].swap(1, 2);
@@ -125,7 +119,7 @@ mod tests {
         let came = torn.corners.clone();
         assert!(classes(&torn).0);
         assert_ne!(classes(&torn).1, classes(&whole).1);
-        orient(&mut torn);
+        orient_alone(&mut torn);
         assert!(!classes(&torn).0);
         assert_eq!(classes(&torn).1, classes(&whole).1);
         restore(&mut torn);
@@ -138,7 +132,7 @@ mod tests {
         let mut mesh = samples::grid(2, 0.0);
         turn(&mut mesh, f(5));
         let came = mesh.corners[f(5)];
-        orient(&mut mesh);
+        orient_alone(&mut mesh);
         mesh.kill(f(2));
         mesh.compact_faces();
         restore(&mut mesh);
@@ -152,7 +146,7 @@ mod tests {
     fn a_surface_with_one_side_keeps_an_edge_where_it_shows_its_back() {
         let faces = [0, 1, 2, 3, 4].map(|i| [i, (i + 1) % 5, (i + 2) % 5]);
         let mut mesh = samples::mesh_of([(DVec3::ZERO, DVec2::NAN); 5], &faces);
-        orient(&mut mesh);
+        orient_alone(&mut mesh);
         assert!(classes(&mesh).0);
     }
 }

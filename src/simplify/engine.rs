@@ -297,7 +297,7 @@ impl<M: Metric> Engine<M> {
             if !self.classes.is_empty() {
                 reclassify_all(&self.mesh, &self.rings, &mut self.classes);
             } else if classify(&self.mesh, &self.rings, &mut self.classes) {
-                let turned = orient(&mut self.mesh);
+                let turned = orient(&mut self.mesh, &self.rings);
                 self.rings.build(&self.mesh);
                 reclassify(&self.mesh, &self.rings, &mut self.classes, &turned);
             }
