@@ -29,11 +29,11 @@ type SparseAreas = Vec<(MaterialId, MaterialArea)>;
 #[derive(Default)]
 struct MeasuredCluster {
     areas: SparseAreas,
-    surveyed: Option<Surveyed>,
+    surveyed: Option<SurveyedCluster>,
 }
 
 /// What was measured in a cluster that gives a patch.
-struct Surveyed {
+struct SurveyedCluster {
     seams: SeamTally,
     /// The patch; `None` if the mesh has no other cluster.
     patch: Option<ClusterMesh>,
@@ -104,11 +104,11 @@ impl Run<'_> {
                 let (areas, seams) = (self.areas_of(&faces), faces.tally_seams(self.catalogue));
                 let gives_patch = !partition.is_single();
                 let patch = gives_patch.then(|| self.patch_of_faces(survey, partition, faces));
-                Ok(MeasuredCluster { areas, surveyed: Some(Surveyed { seams, patch }) })
+                Ok(MeasuredCluster { areas, surveyed: Some(SurveyedCluster { seams, patch }) })
             },
             |MeasuredCluster { areas, surveyed }| {
                 add(&mut measured.areas, &areas);
-                if let Some(Surveyed { seams, patch }) = surveyed {
+                if let Some(SurveyedCluster { seams, patch }) = surveyed {
                     add(&mut measured.areas_of_surveyed, &areas);
                     measured.seams += seams;
                     patch.iter().for_each(|patch| sample::append(&mut measured.sample, patch));
