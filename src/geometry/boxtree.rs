@@ -23,7 +23,7 @@ use crate::base::pool::in_parallel;
 const LEAF_BOXES: usize = 8;
 /// Largest depth of the tree: item ids have 32 bits.
 const DEPTH_MAX: usize = 32;
-/// Fewest items of each half that are sorted on two threads.
+/// Halves of at least this many items are sorted on two threads.
 const JOIN_ITEMS_MIN: usize = 4096;
 /// Items by which the axis to halve along is chosen.
 const AXIS_ITEMS: usize = 64;

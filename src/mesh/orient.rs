@@ -93,6 +93,7 @@ mod tests {
     use crate::mesh::id::short::f;
     use crate::mesh::{Class, Rings, class};
     use glam::{DVec2, DVec3};
+    use proptest::prelude::*;
 
     fn classes(mesh: &ClusterMesh) -> (bool, TiVec<LocalVertex, Class>) {
         let (mut rings, mut classes) = (Rings::default(), TiVec::new());
@@ -100,10 +101,10 @@ mod tests {
         (class::classify(mesh, &rings, &mut classes), classes)
     }
 
-    fn orient_alone(mesh: &mut ClusterMesh) {
+    fn orient_alone(mesh: &mut ClusterMesh) -> Vec<LocalVertex> {
         let mut rings = Rings::default();
         rings.build(mesh);
-        orient(mesh, &rings);
+        orient(mesh, &rings)
     }
 
     fn turn(mesh: &mut ClusterMesh, face: FaceId) {
@@ -125,6 +126,27 @@ mod tests {
         restore(&mut torn);
         assert_eq!(torn.corners, came);
         assert!(!torn.is_turned.contains(&true));
+    }
+
+    proptest! {
+        #[test]
+        fn only_vertices_of_turned_faces_change_their_class(
+            has_seam in any::<bool>(),
+            turned in prop::collection::vec(any::<bool>(), 400),
+            is_mostly_whole in any::<bool>(),
+        ) {
+            let mut mesh = if has_seam { samples::two_charts(6) } else { samples::grid(8, 0.2) };
+            // Each face by chance, or one in sixteen.
+            let run_len = if is_mostly_whole { 4 } else { 1 };
+            let is_turned = |face: FaceId| turned[face.index()..][..run_len].iter().all(|&is_turned| is_turned);
+            mesh.face_ids().filter(|&face| is_turned(face)).for_each(|face| turn(&mut mesh, face));
+            let mut updated = classes(&mesh).1;
+            let changed = orient_alone(&mut mesh);
+            let mut rings = Rings::default();
+            rings.build(&mesh);
+            class::reclassify(&mesh, &rings, &mut updated, &changed);
+            prop_assert_eq!(updated, classes(&mesh).1);
+        }
     }
 
     #[test]

@@ -124,13 +124,13 @@ impl ChosenCells {
         }
     }
 
-    /// Reports whether no triangle whose longest side is shorter than the root of [`small_sq`](Self::small_sq) is within
-    /// half a side of a chosen cell if it has a corner here.
+    /// Reports whether no small triangle with this corner is [near](Self::are_near) a chosen cell. A triangle is small
+    /// if the square of its longest side is below [`small_sq`](Self::small_sq).
     pub(super) fn are_far_from(&mut self, corner: DVec3) -> bool {
         self.around(corner) == CellNeighbourhood::None
     }
 
-    /// Square of the length below which a triangle is small.
+    /// Square of the length that the sides of small triangles stay below.
     pub(super) fn small_sq(&self) -> f64 {
         (SMALL * self.grid.side) * (SMALL * self.grid.side)
     }

@@ -132,7 +132,7 @@ impl Run<'_> {
         map_in_order(
             others,
             threads,
-            threads * 16,
+            threads + 1,
             |cluster| self.measure_areas(partition, cluster, 1),
             |other| {
                 add(&mut areas, &other);
