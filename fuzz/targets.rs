@@ -358,7 +358,7 @@ pub fn resume(bytes: &[u8]) {
         Err(error) => {
             assert_tame(&error);
             // Without a manifest or a journal that is ours the folder is taken for somebody else's.
-            let is_foreign = error.kind() == ErrorKind::Usage && error.to_string().contains("holds foreign files");
+            let is_foreign = error.kind() == ErrorKind::Usage && error.to_string().contains("is not a file of a job");
             assert!(
                 is_forged || is_foreign || matches!(error.kind(), ErrorKind::Changed | ErrorKind::Damaged),
                 "{error}"
