@@ -69,8 +69,16 @@ pub struct ChosenCells {
     seen: Vec<Option<(GridPosition, Option<GridPosition>)>>,
     /// Cached cells, each in its slot, with the chosen cells around them.
     around: Vec<Option<(GridPosition, CellNeighbourhood)>>,
-    /// The last of them: faces come near one another.
-    last: Option<(GridPosition, CellNeighbourhood)>,
+    /// The last answer: faces come near one another.
+    last: LastCell,
+}
+
+/// A cell, and the chosen cells around it.
+#[derive(Debug, Clone, Copy)]
+struct LastCell {
+    /// Low and high corner, in units; no position is in the first.
+    corners: [DVec3; 2],
+    around: CellNeighbourhood,
 }
 
 /// Chosen cells among a cell and its 26 neighbours, by their low corners.
@@ -89,7 +97,7 @@ impl ChosenCells {
             parts: SIDE_PARTS as f64 / grid.side,
             seen: vec![None; SLOTS],
             around: vec![None; SLOTS],
-            last: None,
+            last: LastCell { corners: [DVec3::INFINITY; 2], around: CellNeighbourhood::None },
         }
     }
 
@@ -146,17 +154,24 @@ impl ChosenCells {
 
     /// Chosen cells among the cell of a position and its neighbours.
     fn around(&mut self, position: DVec3) -> CellNeighbourhood {
-        let cell = self.place(position).map(|place| place >> SIDE_PARTS.trailing_zeros());
-        if let Some((last, around)) = self.last
-            && last == cell
-        {
-            return around;
+        let place = position * self.parts;
+        let [low, high] = self.last.corners;
+        if place.cmpge(low).all() && place.cmplt(high).all() {
+            return self.last.around;
         }
+        let cell = self.place(position).map(|place| place >> SIDE_PARTS.trailing_zeros());
+        let around = self.around_cell(cell);
+        let low = DVec3::from_array(cell.map(|place| (place * SIDE_PARTS) as f64));
+        self.last = LastCell { corners: [low, low + SIDE_PARTS as f64], around };
+        around
+    }
+
+    /// Chosen cells among a cell and its neighbours.
+    fn around_cell(&mut self, cell: GridPosition) -> CellNeighbourhood {
         let slot = slot_of(cell);
         if let Some((last, around)) = self.around[slot]
             && last == cell
         {
-            self.last = self.around[slot];
             return around;
         }
         let low = cell.map(|place| (place - 1) * SIDE_PARTS);
@@ -166,8 +181,7 @@ impl ChosenCells {
                 if around == CellNeighbourhood::None { CellNeighbourhood::One(cell) } else { CellNeighbourhood::Many };
             false
         });
-        self.last = Some((cell, around));
-        self.around[slot] = self.last;
+        self.around[slot] = Some((cell, around));
         around
     }
 

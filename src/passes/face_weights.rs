@@ -12,6 +12,8 @@ const BY_FACES: f64 = 0.2;
 const BY_STAKES: f64 = 0.4;
 /// Bend below which a vertex counts as flat. Bend: 1 minus the length of the mean unit normal around the vertex.
 const BEND_MIN: f32 = 1e-6;
+/// Faces by whose expected errors the largest one is capped.
+const QUANTILE_FACES: usize = 4096;
 
 /// Sampling weights of the faces of a cluster, and buffers to compute them.
 #[derive(Debug, Default)]
@@ -59,33 +61,26 @@ impl FaceWeights {
     /// their area. A share of the weight goes by area, a share by face, and the rest by expected error: area × bend ×
     /// length². The last is capped at the value that a share `left` of the faces exceeds, since those faces stay.
     pub(super) fn weigh(&mut self, mesh: &ClusterMesh, left: f64) -> f64 {
-        let area: f64 = self.sizes.iter().map(|&(area, _)| area).sum();
-        let with_area = self.sizes.iter().filter(|&&(area, _)| area > 0.0).count();
         self.bends.clear();
         self.bends.extend(self.normals.iter().map(|&[x, y, z, length]| {
             let bend = 1.0 - (x * x + y * y + z * z).sqrt() / length;
             if bend > BEND_MIN { bend } else { 0.0 }
         }));
         self.stakes.clear();
-        for (face, &(area, longest_sq)) in self.sizes.iter_enumerated() {
+        let (mut area, mut with_area) = (0.0, 0u32);
+        for (face, &(own, longest_sq)) in self.sizes.iter_enumerated() {
             let bends = mesh.vertices(face).map(|vertex| self.bends[vertex]);
             let bend = bends.into_iter().fold(0.0, f32::max);
-            let stake = area as f32 * bend * longest_sq;
+            let stake = own as f32 * bend * longest_sq;
             self.stakes.push(if stake.is_finite() { stake } else { 0.0 });
+            area += own;
+            with_area += u32::from(own > 0.0);
         }
-        self.sorted.clear();
-        self.sorted.extend(self.stakes.iter().filter(|&&stake| stake > 0.0));
-        let most = match self.sorted.len() {
-            0 => 0.0,
-            count => {
-                let place = ((1.0 - left).max(0.0) * count as f64) as usize;
-                *self.sorted.select_nth_unstable_by(place.min(count - 1), f32::total_cmp).1
-            }
-        };
+        let most = self.exceeded_by(left);
         let stakes: f64 = self.stakes.iter().map(|stake| f64::from(stake.min(most))).sum();
         self.ends.clear();
         let mut end = 0.0;
-        let (by_area, by_faces) = (BY_AREA / area, BY_FACES / with_area as f64);
+        let (by_area, by_faces) = (BY_AREA / area, BY_FACES / f64::from(with_area));
         let by_stakes = if stakes > 0.0 { BY_STAKES / stakes } else { 0.0 };
         for (&(own, _), stake) in self.sizes.iter().zip(&self.stakes) {
             if own > 0.0 {
@@ -94,6 +89,19 @@ impl FaceWeights {
             self.ends.push(end);
         }
         area
+    }
+
+    /// The expected error that a share `left` of the faces with one exceeds, of a sample of them; 0 without any.
+    fn exceeded_by(&mut self, left: f64) -> f32 {
+        let step = (self.stakes.len() / QUANTILE_FACES).max(1);
+        self.sorted.clear();
+        self.sorted.extend(self.stakes.iter().step_by(step).filter(|&&stake| stake > 0.0));
+        let count = self.sorted.len();
+        if count == 0 {
+            return 0.0;
+        }
+        let place = ((1.0 - left).max(0.0) * count as f64) as usize;
+        *self.sorted.select_nth_unstable_by(place.min(count - 1), f32::total_cmp).1
     }
 }
 
