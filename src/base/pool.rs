@@ -34,11 +34,22 @@ pub struct Pool {
     terms: Arc<Terms>,
 }
 
+/// Which files of a job must outlast a power cut; these are synced.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Durability {
+    /// All that the job needs to be resumed, and its result.
+    #[default]
+    All,
+    /// The result alone: the job is so short that it may as well start over.
+    Result,
+    /// None.
+    None,
+}
+
 /// What holds for all threads of a pool.
 #[derive(Debug)]
 struct Terms {
-    /// Whether files need not outlast a power cut.
-    skips_sync: bool,
+    durability: Durability,
     is_stopped: AtomicBool,
 }
 
@@ -55,19 +66,15 @@ impl Pool {
     /// # Errors
     /// [`Error::Io`] if the system refuses them.
     pub fn new(threads: usize) -> Result<Self> {
-        Self::start(threads, false)
+        Self::with(threads, Durability::All)
     }
 
-    /// As [`new`](Self::new), for work whose files need not outlast a power cut: see [`skips_sync`].
+    /// As [`new`](Self::new), for work of which only some files must outlast a power cut: see [`durability`].
     ///
     /// # Errors
     /// Those of [`new`](Self::new).
-    pub fn without_sync(threads: usize) -> Result<Self> {
-        Self::start(threads, true)
-    }
-
-    fn start(threads: usize, skips_sync: bool) -> Result<Self> {
-        let terms = Arc::new(Terms { skips_sync, is_stopped: AtomicBool::new(false) });
+    pub fn with(threads: usize, durability: Durability) -> Result<Self> {
+        let terms = Arc::new(Terms { durability, is_stopped: AtomicBool::new(false) });
         let theirs = Arc::clone(&terms);
         let begin = move |_| TERMS.set(Some(Arc::clone(&theirs)));
         match rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(begin).build() {
@@ -128,9 +135,9 @@ impl Drop for InPool {
     }
 }
 
-/// Whether files that this thread writes need not outlast a power cut: they are not synced then.
-pub fn skips_sync() -> bool {
-    is_so(|terms| terms.skips_sync)
+/// Which files that this thread writes must outlast a power cut.
+pub fn durability() -> Durability {
+    of_terms(|terms| terms.durability).unwrap_or_default()
 }
 
 /// Returns an error if the job of this thread is to stop. Costs some nanoseconds.
@@ -138,13 +145,16 @@ pub fn skips_sync() -> bool {
 /// # Errors
 /// [`Error::Stopped`].
 pub fn check_stopped() -> Result<()> {
-    if is_so(|terms| terms.is_stopped.load(Ordering::Relaxed)) { Err(Error::Stopped) } else { Ok(()) }
+    match of_terms(|terms| terms.is_stopped.load(Ordering::Relaxed)) {
+        Some(true) => Err(Error::Stopped),
+        _ => Ok(()),
+    }
 }
 
-/// Whether something holds for the pool that this thread belongs to, or has entered.
-fn is_so(holds: impl Fn(&Terms) -> bool) -> bool {
-    TERMS.with_borrow(|terms| terms.as_deref().is_some_and(&holds))
-        || ENTERED.with_borrow(|pool| pool.as_ref().is_some_and(|pool| holds(&pool.terms)))
+/// What holds for the pool that this thread has entered, or else for the one that it belongs to.
+fn of_terms<T>(what: impl Fn(&Terms) -> T) -> Option<T> {
+    let entered = ENTERED.with_borrow(|pool| pool.as_ref().map(|pool| what(&pool.terms)));
+    entered.or_else(|| TERMS.with_borrow(|terms| terms.as_deref().map(&what)))
 }
 
 /// Runs a data-parallel loop in the pool that this thread has entered.
@@ -182,17 +192,16 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn all_threads_of_a_pool_without_sync_skip_it() {
+    fn all_threads_of_a_pool_know_which_files_must_last() {
         let seen = || {
-            let pool = in_parallel(|| rayon::broadcast(|_| skips_sync()));
-            let beside = std::thread::scope(|scope| threads::start(scope, skips_sync).unwrap().join().unwrap());
-            (skips_sync(), pool, beside)
+            let pool = in_parallel(|| rayon::broadcast(|_| durability()));
+            let beside = std::thread::scope(|scope| threads::start(scope, durability).unwrap().join().unwrap());
+            (durability(), pool, beside)
         };
-        let inside = Pool::without_sync(2).unwrap().enter();
-        assert_eq!(seen(), (true, vec![true; 2], true));
-        drop(inside);
-        let _inside = Pool::new(2).unwrap().enter();
-        assert_eq!(seen(), (false, vec![false; 2], false));
+        for kind in [Durability::All, Durability::Result, Durability::None] {
+            let _inside = Pool::with(2, kind).unwrap().enter();
+            assert_eq!(seen(), (kind, vec![kind; 2], kind));
+        }
     }
 
     /// Stops the job from the start.

@@ -10,7 +10,7 @@ use super::answer::CommandAnswer;
 use super::print::{print, print_json};
 use super::progress::stoppable;
 use super::stop::Goodbye;
-use crate::base::pool::Pool;
+use crate::base::pool::{Durability, Pool};
 use crate::base::{Error, Progress, Result, WorkLimits};
 use crate::image::textures::TextureImages;
 use crate::measure::{Check, Regression, Surface, compare_checks, compare_topology, weld_and_check};
@@ -105,7 +105,7 @@ impl Checked {
 }
 
 fn check(arguments: &CheckArguments, progress: &dyn Progress) -> Result<Checked> {
-    Pool::without_sync(0)?.run(progress, || check_in_pool(arguments, progress))
+    Pool::with(0, Durability::None)?.run(progress, || check_in_pool(arguments, progress))
 }
 
 fn check_in_pool(arguments: &CheckArguments, progress: &dyn Progress) -> Result<Checked> {

@@ -55,7 +55,7 @@ pub struct JobFlags {
     #[arg(long, help_heading = heading::JOB, hide_short_help = true)]
     keep_work: bool,
 
-    /// Do not wait until files are on the disk: faster for small meshes
+    /// Do not wait until files are on the disk: faster on slow disks
     ///
     /// A power cut may then cost the job and damage the result. A kill costs no more than without it
     #[arg(long, help_heading = heading::JOB, hide_short_help = true)]

@@ -13,6 +13,7 @@ use super::journal::{Entry, Journal, now};
 use super::stamp::Stamp;
 use super::step::{Step, StepRecord, Value};
 use super::steps::RecordedSteps;
+use crate::base::pool::{Durability, durability};
 use crate::base::{Error, Result, lock};
 use crate::file::codec;
 use crate::file::header::Header;
@@ -77,6 +78,12 @@ pub(super) fn append(journal: &Mutex<Option<Journal>>, entry: &Entry) -> Result<
 /// Makes the journal durable, if there is one.
 pub(super) fn sync(journal: &Mutex<Option<Journal>>) -> Result<()> {
     lock(journal).as_mut().map_or(Ok(()), Journal::sync)
+}
+
+/// Makes the journal durable before files are removed because of it, where the job itself must outlast a power cut:
+/// without the entry, steps whose files are gone are redone.
+pub(super) fn sync_before_removal(journal: &Mutex<Option<Journal>>) -> Result<()> {
+    if durability() == Durability::All { sync(journal) } else { Ok(()) }
 }
 
 /// Writes a value to its own file.

@@ -40,7 +40,7 @@ use std::thread::JoinHandle;
 
 use serde::Serialize;
 
-use self::finished::{Finished, append, sync};
+use self::finished::{Finished, append, sync, sync_before_removal};
 use self::foreign::entries;
 pub use self::journal::Entry;
 use self::journal::{Journal, now};
@@ -244,7 +244,7 @@ impl WorkFolder {
         let keep = move || {
             finished.keep(&journal)?;
             append(&journal, &wanted)?;
-            sync(&journal)?;
+            sync_before_removal(&journal)?;
             lease.iter().try_for_each(|lease| lease.confirm())?;
             remove_files(&superseded)
         };
@@ -330,7 +330,7 @@ impl WorkFolder {
         self.wait_until_durable()?;
         let (wanted, names) = self.want_only(keys);
         append(&self.journal, &wanted)?;
-        sync(&self.journal)?;
+        sync_before_removal(&self.journal)?;
         self.confirm()?;
         remove_files(&self.all_but(&names)?)
     }

@@ -3,6 +3,7 @@ use super::journal::JOURNAL;
 use super::manifest::MANIFEST;
 use super::*;
 use crate::base::ErrorKind;
+use crate::base::pool::{Durability, Pool};
 use crate::os::durable::witness;
 
 const SCAN: StepKey = StepKey::fixed("scan-mesh");
@@ -407,6 +408,22 @@ fn entries_are_durable_before_anything_that_relies_on_them() {
 
     job.keep(Step::new(mesh(3)), [], &4u8).unwrap();
     job.note_failure(&Error::Usage("no".into()));
+    assert!(is_durable());
+}
+
+/// Without the entries, the steps whose files were removed are redone.
+#[test]
+fn a_short_job_syncs_its_journal_when_it_is_told_to() {
+    let _inside = Pool::with(1, Durability::Result).unwrap().enter();
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("work");
+    let job = open(&path, Resume::Auto).unwrap();
+    let is_durable = || lock(&job.journal).as_ref().unwrap().is_durable();
+    job.keep(Step::new(mesh(0)), [], &1u8).unwrap();
+    job.supersede(Step::new(mesh(1)), [], &2u8, &[]).unwrap();
+    job.retain(&[mesh(1)]).unwrap();
+    assert!(!is_durable());
+    job.sync().unwrap();
     assert!(is_durable());
 }
 

@@ -59,7 +59,7 @@ pub use super::figures::{
     SLIVER_REGULARITY, SeamFigures, Texture, TopologyCounts, VERSION, WORST_PLACES, WorstView,
 };
 use super::figures::{is_soup, share};
-use crate::base::pool::Pool;
+use crate::base::pool::{Durability, Pool};
 use crate::base::{Error, Findings, Progress, Result};
 use crate::os::system;
 use crate::read::InputChoice;
@@ -100,7 +100,7 @@ pub fn compare(
     // A work folder that holds the folders of a comparison was left by a process that was killed.
     let is_own = !options.work.exists() || NAMES.iter().any(|name| options.work.join(name).exists());
     let meshes = [&original.into(), &result.into()];
-    let found = Pool::without_sync(options.resources.threads)?
+    let found = Pool::with(options.resources.threads, Durability::None)?
         .run(progress, || compare_in_cells(meshes, options, CELL_FACES, onlooker, progress));
     if is_own {
         let _ = std::fs::remove_dir(&options.work);

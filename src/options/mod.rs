@@ -50,7 +50,7 @@ pub struct JobOptions {
     pub resume: ResumeChoice,
     /// Whether the folder stays after success; the same call then returns at once.
     pub keep_work: bool,
-    /// Whether files are left to the system to write: faster for small meshes. A power cut may then cost the job and
+    /// Whether files are left to the system to write: faster on slow disks. A power cut may then cost the job and
     /// damage the result; a kill costs no more than before.
     pub no_sync: bool,
     /// Whether an existing output may be replaced.

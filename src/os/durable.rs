@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use xxhash_rust::xxh3::{xxh3_64, xxh3_64_with_seed};
 
-use crate::base::pool::skips_sync;
+use crate::base::pool::{Durability, durability};
 use crate::base::threads::beside;
 use crate::base::{Error, Result};
 
@@ -30,19 +30,21 @@ pub struct DurableFile {
     temporary: PathBuf,
     target: PathBuf,
     is_sealed: bool,
+    /// Whether it matters only until the job ends.
+    is_scratch: bool,
     /// Syncs what was appended earlier.
     ahead: Option<JoinHandle<Result<()>>>,
 }
 
 impl DurableFile {
-    /// Creates a file under a temporary name in a work folder; follows no symbolic link and replaces no other file.
+    /// Creates a file that a job cannot do without, under a temporary name in its work folder; follows no symbolic link and replaces no other file.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be created.
     pub fn create(target: &Path, buffer_bytes: usize) -> Result<Self> {
         let mut name = target.file_name().unwrap_or_default().to_owned();
         name.push(".tmp");
-        Self::create_at(target, target.with_file_name(name), buffer_bytes)
+        Self::create_at(target, target.with_file_name(name), buffer_bytes, false)
     }
 
     /// Creates a file under a temporary name of this job in a folder of the user.
@@ -50,27 +52,28 @@ impl DurableFile {
     /// # Errors
     /// As [`create`](DurableFile::create).
     pub fn create_outside(target: &Path, job: u64, buffer_bytes: usize) -> Result<Self> {
-        Self::create_at(target, waiting_place(target, job), buffer_bytes)
+        Self::create_at(target, waiting_place(target, job), buffer_bytes, false)
     }
 
-    /// Creates a file under a temporary name of this process, for a target that several processes may write at once.
+    /// Creates a scratch file under a temporary name of this process, for a target that several processes may write at
+    /// once.
     ///
     /// # Errors
     /// As [`create`](DurableFile::create).
     pub fn create_shared(target: &Path, buffer_bytes: usize) -> Result<Self> {
         let mut name = target.file_name().unwrap_or_default().to_owned();
         name.push(format!(".{:016x}.tmp", new_job_number(target)));
-        Self::create_at(target, target.with_file_name(name), buffer_bytes)
+        Self::create_at(target, target.with_file_name(name), buffer_bytes, true)
     }
 
-    fn create_at(target: &Path, temporary: PathBuf, buffer_bytes: usize) -> Result<Self> {
+    fn create_at(target: &Path, temporary: PathBuf, buffer_bytes: usize, is_scratch: bool) -> Result<Self> {
         // NOTE: a killed run may have left this file; only this program uses the name.
         let _ = fs::remove_file(&temporary);
         let mut options = OpenOptions::new();
         let opened = options.read(true).write(true).create_new(true).open(&temporary);
         let file = opened.map_err(|e| Error::io(target, "create", e))?;
         let writer = Some(BufWriter::with_capacity(buffer_bytes, file));
-        Ok(Self { writer, temporary, target: target.to_owned(), is_sealed: false, ahead: None })
+        Ok(Self { writer, temporary, target: target.to_owned(), is_sealed: false, is_scratch, ahead: None })
     }
 
     /// Path of the file once it is committed.
@@ -95,7 +98,7 @@ impl DurableFile {
     /// # Errors
     /// As [`write`](DurableFile::write), those of the earlier sync.
     pub fn sync_ahead(&mut self) -> Result<()> {
-        if skips_sync() || self.ahead.as_ref().is_some_and(|thread| !thread.is_finished()) {
+        if !self.must_last() || self.ahead.as_ref().is_some_and(|thread| !thread.is_finished()) {
             return Ok(());
         }
         self.wait_for_sync()?;
@@ -107,6 +110,11 @@ impl DurableFile {
             self.ahead = beside(sync)?;
         }
         Ok(())
+    }
+
+    /// Whether the file must outlast a power cut.
+    fn must_last(&self) -> bool {
+        durability() == Durability::All || !self.is_scratch
     }
 
     /// Waits for a sync that goes on. NOTE: the system tells a failed sync once, so its outcome may not be lost.
@@ -143,9 +151,12 @@ impl DurableFile {
     /// As [`write`](DurableFile::write).
     pub fn seal(&mut self) -> Result<()> {
         self.wait_for_sync()?;
+        let must_last = self.must_last();
         if let Some(writer) = self.writer.as_mut().filter(|_| !self.is_sealed) {
             let held = writer.buffer().len() as u64;
-            let synced = writer.flush().and_then(|()| sync_file(writer.get_ref(), &self.temporary));
+            let flushed = writer.flush();
+            let sync = || sync_file(writer.get_ref(), &self.temporary);
+            let synced = if must_last { flushed.and_then(|()| sync()) } else { flushed };
             synced.map_err(|e| Error::io(&self.target, "write", e).lacking(held))?;
             self.is_sealed = true;
         }
@@ -160,7 +171,9 @@ impl DurableFile {
         self.seal()?;
         let file = self.take_file()?;
         give_name(&self.temporary, &self.target)?;
-        sync_folder(&self.target)?;
+        if self.must_last() {
+            sync_folder(&self.target)?;
+        }
         Ok(file)
     }
 
@@ -274,12 +287,12 @@ fn lock_within(patience: Duration, folder: &Path, mut wait: impl FnMut() -> Resu
     }
 }
 
-/// Syncs the data of an open file, unless this thread's work [need not outlast a power cut](skips_sync).
+/// Syncs the data of an open file, unless [nothing](Durability::None) of this thread's work must outlast a power cut.
 ///
 /// # Errors
 /// The error of the system call.
 pub fn sync_file(file: &File, path: &Path) -> io::Result<()> {
-    if skips_sync() {
+    if durability() == Durability::None {
         return Ok(());
     }
     file.sync_data().inspect(|()| witness::note("sync", path))
@@ -295,13 +308,13 @@ pub fn give_name(temporary: &Path, target: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Makes the entry of `path` in its folder durable, unless this thread's work
-/// [need not outlast a power cut](skips_sync).
+/// Makes the entry of `path` in its folder durable, unless [nothing](Durability::None) of this thread's work must
+/// outlast a power cut.
 ///
 /// # Errors
 /// [`Error::Io`] if the folder cannot be opened or synced.
 pub fn sync_folder(path: &Path) -> Result<()> {
-    if cfg!(not(unix)) || skips_sync() {
+    if cfg!(not(unix)) || durability() == Durability::None {
         return Ok(());
     }
     let folder = folder_of(path);
@@ -386,6 +399,36 @@ mod tests {
     }
 
     #[test]
+    fn what_must_last_is_synced_and_nothing_else() {
+        use crate::base::pool::Pool;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.bin");
+        let creations: [fn(&Path) -> Result<DurableFile>; 3] = [
+            |path| DurableFile::create(path, 16),
+            |path| DurableFile::create_outside(path, 1, 16),
+            |path| DurableFile::create_shared(path, 16),
+        ];
+        for (must_last, synced) in [
+            (Durability::All, [true, true, true]),
+            (Durability::Result, [true, true, false]),
+            (Durability::None, [false, false, false]),
+        ] {
+            let _inside = Pool::with(1, must_last).unwrap().enter();
+            for (create, is_synced) in creations.into_iter().zip(synced) {
+                let mut file = create(&path).unwrap();
+                file.write(b"hello").unwrap();
+                witness::take();
+                file.sync_ahead().unwrap();
+                file.commit().unwrap();
+                let calls: Vec<_> = witness::take().into_iter().map(|(what, _)| what).collect();
+                let expected: &[&str] = if is_synced { &["sync", "rename", "sync"] } else { &["rename"] };
+                assert!(calls == expected, "{must_last:?}: {calls:?}");
+                assert_eq!(fs::read(&path).unwrap(), b"hello");
+            }
+        }
+    }
+
+    #[test]
     fn what_is_committed_is_handed_over_to_be_read() {
         use std::io::{Read, Seek};
         let commits: [fn(DurableFile) -> Result<File>; 2] = [DurableFile::commit, DurableFile::commit_scratch];
@@ -420,7 +463,7 @@ mod tests {
         let null = OpenOptions::new().write(true).open("/dev/null").unwrap();
         let writer = Some(BufWriter::with_capacity(8192, null));
         let [temporary, target] = ["nowhere/a.tmp", "nowhere/a"].map(PathBuf::from);
-        let mut file = DurableFile { writer, temporary, target, is_sealed: false, ahead: None };
+        let mut file = DurableFile { writer, temporary, target, is_sealed: false, is_scratch: false, ahead: None };
         file.sync_ahead().unwrap();
         let told = file.wait_for_sync().unwrap_err();
         assert!(matches!(told, Error::Io { .. }), "{told}");
@@ -434,7 +477,7 @@ mod tests {
             let full = OpenOptions::new().read(true).write(true).open("/dev/full").unwrap();
             let writer = Some(BufWriter::with_capacity(8192, full));
             let [temporary, target] = ["nowhere/a.tmp", "nowhere/a"].map(PathBuf::from);
-            let mut file = DurableFile { writer, temporary, target, is_sealed: false, ahead: None };
+            let mut file = DurableFile { writer, temporary, target, is_sealed: false, is_scratch: false, ahead: None };
             file.write(&[7; 5120]).unwrap();
             match change(&mut file) {
                 Err(Error::NoSpace { path, message }) => {

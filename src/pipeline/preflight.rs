@@ -5,13 +5,16 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use super::paths::{self, OutputKind};
-use crate::base::pool::Pool;
+use crate::base::pool::{Durability, Pool};
 use crate::base::{Findings, MemoryBudget, Progress, Result};
 use crate::job::stage::Lending;
 use crate::job::{InputFile, Manifest, WorkFolder, folder_bytes};
-use crate::options::{ResumeChoice, SimplifyOptions, TexturesOutside};
+use crate::options::{JobOptions, ResumeChoice, SimplifyOptions, TexturesOutside};
 use crate::plan::{memory, scratch};
 use crate::read::{InputChoice, MovePositions, find_inputs_and_idle};
+
+/// Largest size of the files of an input whose job may start over after a power cut: a second or two of work.
+const SHORT_INPUT_BYTES: u64 = 32 << 20;
 
 /// A job that may begin.
 pub(super) struct Preflight<'a> {
@@ -33,6 +36,8 @@ pub(super) struct Preflight<'a> {
     pub budget: MemoryBudget,
     /// Threads that fit into it.
     pub threads: usize,
+    /// Which files must outlast a power cut.
+    pub durability: Durability,
     /// What identifies the job.
     pub manifest: Manifest,
     /// Moves the positions of the input while they are read.
@@ -88,6 +93,7 @@ impl<'a> Preflight<'a> {
             work_path,
             budget,
             threads,
+            durability: durability(options, input_bytes, kind),
             manifest,
             mover: None,
             lending,
@@ -104,8 +110,7 @@ impl<'a> Preflight<'a> {
     /// # Errors
     /// Those of [`WorkFolder::open_watched`], [`WorkFolder::finish`] and `work`.
     pub fn run<T>(&self, progress: &dyn Progress, work: impl FnOnce(&mut WorkFolder) -> Result<T>) -> Result<T> {
-        let pool = if self.options.job.no_sync { Pool::without_sync } else { Pool::new };
-        pool(self.threads)?.run(progress, || {
+        Pool::with(self.threads, self.durability)?.run(progress, || {
             let resume = self.options.job.resume.into();
             let mut folder = WorkFolder::open_watched(&self.work_path, &self.manifest, resume, progress)?;
             if let Some(lending) = self.lending.clone() {
@@ -121,6 +126,20 @@ impl<'a> Preflight<'a> {
             }
             outcome
         })
+    }
+}
+
+/// Which files must outlast a power cut. A short job that may simply start over makes its result durable alone.
+fn durability(options: &SimplifyOptions, input_bytes: u64, kind: OutputKind) -> Durability {
+    let JobOptions { no_sync, keep_work, task_runner, hands, .. } = &options.job;
+    let is_lent = task_runner.is_some() || hands.is_some();
+    let takes_long = options.bakes() || options.remesh.is_some() || kind == OutputKind::Folder;
+    if *no_sync {
+        Durability::None
+    } else if input_bytes > SHORT_INPUT_BYTES || takes_long || is_lent || *keep_work {
+        Durability::All
+    } else {
+        Durability::Result
     }
 }
 
@@ -145,4 +164,32 @@ pub(super) fn manifest(choice: &InputChoice, inputs: &[PathBuf], options: &Simpl
         owns_folder: options.job.work.is_none(),
         ..Manifest::default()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::{CvdSettings, TextureFiles};
+
+    #[test]
+    fn only_a_short_job_may_lose_its_work_folder_to_a_power_cut() {
+        let file = OutputKind::File(TextureFiles::Copy);
+        let plain = SimplifyOptions::default();
+        assert_eq!(durability(&plain, SHORT_INPUT_BYTES, file), Durability::Result);
+        assert_eq!(durability(&plain, SHORT_INPUT_BYTES + 1, file), Durability::All);
+        assert_eq!(durability(&plain, 0, OutputKind::Folder), Durability::All);
+        let long: [fn(&mut SimplifyOptions); 4] = [
+            |options| options.job.keep_work = true,
+            |options| options.job.task_runner = Some("sh {stage}".into()),
+            |options| options.textures = TextureFiles::Bake,
+            |options| options.remesh = Some(CvdSettings::default()),
+        ];
+        for (i, change) in long.into_iter().enumerate() {
+            let mut options = plain.clone();
+            change(&mut options);
+            assert_eq!(durability(&options, 0, file), Durability::All, "change {i}");
+            options.job.no_sync = true;
+            assert_eq!(durability(&options, 1 << 40, file), Durability::None, "change {i}");
+        }
+    }
 }
