@@ -46,7 +46,7 @@ class Job:
     With tasks, other processes do them, and the calls are those of the `coordinator` alone or of its `tasks` alone.
     """
 
-    def __init__(self, folder, binary, mesh, tasks=None):
+    def __init__(self, folder, binary, mesh, tasks=None, options=()):
         self.folder = Path(os.path.realpath(folder))
         self.root = self.folder / "disk"
         self.out, self.result, self.work = self.root / "out", self.root / "out" / "result.obj", self.root / "work"
@@ -56,6 +56,7 @@ class Job:
         subprocess.run(["cc", "-O2", "-shared", "-fPIC", "-o", self.library, source, "-ldl", "-lpthread"], check=True)
         command = [Path(binary).resolve(), "simplify", Path(mesh).resolve(), "-o", self.result, "--work", self.work]
         command += ["--ratio", "0.1", "--cluster-faces", "2000", "--memory", "256MiB", "--threads", "2", "--force", "--quiet"]
+        command += options
         self.tasks = tasks
         if tasks:
             task = shlex.join([str(Path(binary).resolve()), "task"]) + " {stage} N --threads 1 --memory 256MiB --quiet"

@@ -137,10 +137,11 @@ def main():
     parser.add_argument("binary", type=Path)
     parser.add_argument("mesh", type=Path)
     parser.add_argument("--cuts", type=int, default=200, help="cuts at most, each with one of the disks")
+    parser.add_argument("--long", action="store_true", help="a job that syncs its work folder, too, as long ones do")
     arguments = parser.parse_args()
     chance = random.Random(1)
     with tempfile.TemporaryDirectory() as scratch:
-        job = Job(scratch, arguments.binary, arguments.mesh)
+        job = Job(scratch, arguments.binary, arguments.mesh, options=["--keep-work"] if arguments.long else [])
         calls = job.record()
         expected = job.digest()
         points = [(place, disk) for place in range(len(calls)) for disk in DISKS]
