@@ -145,11 +145,11 @@ fn compare_in_cells(
     let forward = measured([&after, &before], other, options.seed, &mut |place| onlooker.see_point(place))?;
     let backward = measured([&before, &after], own, options.seed ^ 1 << 63, &mut |_| {})?;
     let texture = texture::compare([&before, &after], [&forward, &backward], limit, options, &mut findings, progress)?;
-    let pinholes = pinholes::find(&before, &after, options.resources.work_bytes, progress)?;
+    let mut warnings: Vec<String> = Vec::new();
+    let pinholes = pinholes::find(&before, &after, options.resources.work_bytes, &mut warnings, progress)?;
     let geometry = geometry(&before, &after, &forward, &backward);
     let topology = BeforeAfter { before: before.counts.topology, after: after.counts.topology };
     let quality = BeforeAfter { before: Quality::of(&before.counts), after: Quality::of(&after.counts) };
-    let mut warnings: Vec<String> = Vec::new();
     for (name, mesh) in NAMES.into_iter().zip([&before, &after]) {
         warnings.extend(mesh.findings.warnings().into_iter().map(|words| format!("{name}: {words}")));
     }

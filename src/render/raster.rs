@@ -1,5 +1,7 @@
 //! Rasterises triangles and lines.
 
+use std::ops::Range;
+
 /// A weight above minus this counts as 0 or more, so that rounding leaves out no pixel between two triangles with a
 /// common side.
 const SLACK: f64 = 1e-9;
@@ -16,7 +18,7 @@ pub fn each_pixel(corners: &[[f64; 3]; 3], size: [usize; 2], mut plot: impl FnMu
     }
     for row in rows {
         let y = row as f64 + 0.5;
-        for column in columns.clone() {
+        for column in columns_near(corners, y, &columns) {
             let x = column as f64 + 0.5;
             let of_b = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area;
             let of_c = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area;
@@ -27,6 +29,26 @@ pub fn each_pixel(corners: &[[f64; 3]; 3], size: [usize; 2], mut plot: impl FnMu
             }
         }
     }
+}
+
+/// Those of some columns that a triangle meets in a row, and one or two more on each side; `y` is the middle of the row.
+#[inline]
+fn columns_near(corners: &[[f64; 3]; 3], y: f64, columns: &Range<usize>) -> Range<usize> {
+    let ys = corners.map(|corner| corner[1]);
+    let y = y.clamp(ys[0].min(ys[1]).min(ys[2]), ys[0].max(ys[1]).max(ys[2]));
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for k in 0..3 {
+        let (from, to) = (corners[k], corners[(k + 1) % 3]);
+        if (from[1] <= y && y <= to[1]) || (to[1] <= y && y <= from[1]) {
+            let share = if from[1] == to[1] { 0.0 } else { (y - from[1]) / (to[1] - from[1]) };
+            let x = from[0] + share * (to[0] - from[0]);
+            (low, high) = (low.min(x), high.max(x));
+        }
+    }
+    // A cast saturates.
+    let first = (low - 1.5).max(0.0) as usize;
+    let end = (high + 2.5).max(0.0) as usize;
+    first.max(columns.start)..end.min(columns.end)
 }
 
 /// Calls `plot` with index and nearness for pixels along a line between two projected points.
@@ -47,7 +69,7 @@ pub fn each_pixel_of_line(from: [f64; 3], to: [f64; 3], size: [usize; 2], mut pl
 }
 
 /// Columns and rows whose centres lie in the box around a triangle; `None` if there are none.
-fn covered(corners: &[[f64; 3]; 3], size: [usize; 2]) -> Option<[std::ops::Range<usize>; 2]> {
+fn covered(corners: &[[f64; 3]; 3], size: [usize; 2]) -> Option<[Range<usize>; 2]> {
     let range = |axis: usize| {
         let low = corners[0][axis].min(corners[1][axis]).min(corners[2][axis]);
         let high = corners[0][axis].max(corners[1][axis]).max(corners[2][axis]);
@@ -61,7 +83,32 @@ fn covered(corners: &[[f64; 3]; 3], size: [usize; 2]) -> Option<[std::ops::Range
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
+
+    /// Pixels whose centres lie in a triangle, of all in the image.
+    fn pixels_by_trial(corners: [[f64; 3]; 3], size: [usize; 2]) -> Vec<usize> {
+        let side = |[from, to]: [[f64; 3]; 2], x: f64, y: f64| {
+            (to[0] - from[0]) * (y - from[1]) - (to[1] - from[1]) * (x - from[0])
+        };
+        let [a, b, c] = corners;
+        let area = side([a, b], c[0], c[1]);
+        let is_inside = |pixel: &usize| {
+            let (x, y) = ((pixel % size[0]) as f64 + 0.5, (pixel / size[0]) as f64 + 0.5);
+            [[b, c], [c, a], [a, b]].into_iter().all(|edge| side(edge, x, y) / area >= 0.0)
+        };
+        (0..size[0] * size[1]).filter(|pixel| area != 0.0 && is_inside(pixel)).collect()
+    }
+
+    proptest! {
+        // Coordinates are multiples of a quarter: no rounding, and many sides through centres.
+        #[test]
+        fn all_pixels_of_a_triangle_are_found(corners in prop::array::uniform3(prop::array::uniform2(-40i8..80))) {
+            let corners = corners.map(|[x, y]| [f64::from(x) / 4.0, f64::from(y) / 4.0, 0.0]);
+            prop_assert_eq!(pixels(corners, [13, 9]), pixels_by_trial(corners, [13, 9]));
+        }
+    }
 
     fn pixels(corners: [[f64; 3]; 3], size: [usize; 2]) -> Vec<usize> {
         let mut found = Vec::new();

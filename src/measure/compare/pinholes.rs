@@ -17,7 +17,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::cells::MeasuredMesh;
-use crate::base::pool::in_parallel;
+use crate::base::pool::{check_stopped, in_parallel};
 use crate::base::{Progress, Result};
 use crate::measure::figures::{Pinholes, WorstView};
 use crate::render::view::View;
@@ -34,6 +34,8 @@ const SIZE: [usize; 2] = [1000, 800];
 const RIM: u16 = 4;
 /// A surface lies behind the original's if it is farther away by more than this share of the diagonal.
 const BEHIND_SHARE: f64 = 0.01;
+/// Largest number of surfaces behind each other, on average over the pixels of a view, that are drawn.
+const LAYERS_MAX: f64 = 128.0;
 /// Memory of a view in bytes: two depths and a distance from the outline for each pixel.
 const VIEW_BYTES: u64 = (SIZE[0] * SIZE[1]) as u64 * 10;
 /// Steps around a pinhole that are coloured with it in the rendering.
@@ -42,7 +44,15 @@ const SEE_THROUGH_COLOUR: [u8; 3] = [214, 32, 32];
 const BEHIND_COLOUR: [u8; 3] = [236, 142, 20];
 const BACKGROUND: [u8; 3] = [226, 230, 235];
 
-/// Finds the pinholes of a result.
+/// Surfaces behind each other in a view of a mesh, on average over its pixels: from a direction by chance a surface
+/// covers half its area (Cauchy).
+fn layers(mesh: &MeasuredMesh, frame: &Frame) -> f64 {
+    let scale = frame.view(FIRST_TURN, TILTS[0], SIZE).scale;
+    0.5 * mesh.area * scale * scale / (SIZE[0] * SIZE[1]) as f64
+}
+
+/// Finds the pinholes of a result; `None` where there is nothing to see, or where one of the meshes, then told in
+/// `warnings`, has so many surfaces behind each other that drawing them would take far longer than all else.
 ///
 /// # Errors
 /// On failed reads.
@@ -50,9 +60,15 @@ pub fn find(
     before: &MeasuredMesh,
     after: &MeasuredMesh,
     work_bytes: u64,
+    warnings: &mut Vec<String>,
     progress: &dyn Progress,
 ) -> Result<Option<Pinholes>> {
     let Some(frame) = Frame::new(before.surface.bounds.low, before.surface.bounds.high) else { return Ok(None) };
+    let most = layers(before, &frame).max(layers(after, &frame));
+    if most > LAYERS_MAX {
+        warnings.push(format!("no pinholes are looked for: {most:.0} surfaces lie behind each other"));
+        return Ok(None);
+    }
     let places: Vec<[f64; 2]> = TILTS
         .into_iter()
         .flat_map(|tilt| (0..TURNS).map(move |turn| [FIRST_TURN + 360.0 / TURNS as f64 * turn as f64, tilt]))
@@ -112,9 +128,12 @@ fn draw(mesh: &MeasuredMesh, depths: &mut [Depth], progress: &dyn Progress) -> R
         let view = cell.view()?;
         let triangles = 0..view.faces.len() as u32;
         let draw_all = |depth: &mut Depth| {
-            triangles.clone().for_each(|face| depth.draw(view.triangle(face).map(|corner| corner + view.origin)));
+            triangles.clone().try_for_each(|face| {
+                depth.draw(view.triangle(face).map(|corner| corner + view.origin));
+                check_stopped()
+            })
         };
-        in_parallel(|| depths.par_iter_mut().for_each(draw_all));
+        in_parallel(|| depths.par_iter_mut().try_for_each(draw_all))?;
         progress.advance(1);
     }
     Ok(())

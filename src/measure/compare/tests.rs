@@ -436,10 +436,10 @@ fn points_that_are_given_up_are_counted_and_spoken_for() {
     let original = bench.write("original.obj", &positions, &faces);
     let moved: Vec<DVec3> = positions.iter().map(|p| *p + DVec3::splat(0.01)).collect();
     let result = bench.write("result.obj", &moved, &faces);
-    let found = bench.compare(&original, &result, CELL_FACES);
+    let found = bench.compare_at(Spread::Area(5000), &original, &result, CELL_FACES);
     let Geometry { forward, backward, symmetric, .. } = &found.geometry;
     assert_eq!(symmetric.cut_searches, forward.cut_searches + backward.cut_searches);
-    assert!(symmetric.cut_searches > 10_000, "{} points were given up", symmetric.cut_searches);
+    assert!(symmetric.cut_searches > 2500, "{} points were given up", symmetric.cut_searches);
     assert!(found.warnings.iter().any(|words| words.contains("were given up")), "{:?}", found.warnings);
 
     // checked against every triangle for some points of the moved mesh: the mean is of few points, so it varies
@@ -469,6 +469,26 @@ fn points_that_are_given_up_are_counted_and_spoken_for() {
     assert!(near(forward.mean, sum / 400.0, 0.35), "{} {}", forward.mean, sum / 400.0);
     assert!(forward.max <= 0.01 * 3f64.sqrt() * (1.0 + 1e-9), "nothing moved farther than {}", forward.max);
     assert!(forward.max > 0.3 * most && forward.max <= forward.max_bound, "{} {most}", forward.max);
+}
+
+#[test]
+fn sheets_by_the_hundred_are_not_drawn() {
+    let bench = Bench::new();
+    let stack = |sheets: usize| {
+        let corners = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]];
+        let sheet = |at: usize| corners.map(|[x, y]| DVec3::new(x, y, 10.0 * at as f64 / sheets as f64));
+        let positions: Vec<DVec3> = (0..sheets).flat_map(sheet).collect();
+        let faces: Vec<[usize; 3]> =
+            (0..sheets).flat_map(|at| [[0, 1, 2], [0, 2, 3]].map(|f| f.map(|k| k + 4 * at))).collect();
+        bench.write(&format!("{sheets}.obj"), &positions, &faces)
+    };
+    let (few, many) = (stack(50), stack(3000));
+    let looks =
+        |found: &Comparison| (found.pinholes.is_some(), found.warnings.iter().any(|w| w.contains("no pinholes")));
+    assert_eq!(looks(&bench.compare(&few, &few, CELL_FACES)), (true, false));
+    for pair in [[&few, &many], [&many, &few]] {
+        assert_eq!(looks(&bench.compare(pair[0], pair[1], CELL_FACES)), (false, true));
+    }
 }
 
 #[test]
