@@ -30,6 +30,11 @@ const VERTICES_PER_LANDMARK: u64 = 8;
 const LANDMARKS_MAX: u64 = 65_536;
 /// Points that are searched for one after the other.
 const RUN_POINTS: usize = 128;
+/// Items that a search looks at before the point is given up: where triangles lie across each other by the thousand, a
+/// tree of boxes does not help.
+const LOOKS_MAX: u32 = 4096;
+/// Squared distance of a point that was given up.
+const GIVEN_UP: f64 = f64::NEG_INFINITY;
 /// Largest factor by which the deviation of the whole is taken to exceed, or fall below, that of the cells.
 const SCALE_MAX: f64 = 8.0;
 
@@ -94,24 +99,38 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     if to_result.is_empty() || result.face_count() == 0 {
         return Ok(None);
     }
-    let noise = result.rounding_noise();
+    Ok(gauged(probes, &to_input, &to_result, result.rounding_noise()))
+}
+
+/// Figures of squared distances: those of the input's points to the result begin with the points that have weights.
+/// Distances up to `noise` are rounding. `None` if all points with weights were given up.
+fn gauged(probes: &Probes, to_input: &[f64], to_result: &[f64], noise: f64) -> Option<Gauged> {
     let counted = |distance_sq: &f64| if *distance_sq <= noise * noise { 0.0 } else { *distance_sq };
-    let mean_of = |distances: &[f64]| match distances.len() {
+    let is_found = |distance_sq: &&f64| **distance_sq != GIVEN_UP;
+    let found = |distances: &[f64]| distances.iter().filter(is_found).count();
+    let mean_of = |distances: &[f64]| match found(distances) {
         0 => 0.0,
-        count => distances.iter().map(counted).sum::<f64>() / count as f64,
+        count => distances.iter().filter(is_found).map(counted).sum::<f64>() / count as f64,
     };
     let (anywhere, in_cells) = to_result.split_at(probes.points.len());
-    let weighed = anywhere.iter().zip(&probes.weights).map(|(distance_sq, weight)| weight * counted(distance_sq));
-    let to_result_sq = weighed.sum::<f64>() / probes.area();
+    let weighed = || anywhere.iter().zip(&probes.weights).filter(|(distance_sq, _)| is_found(distance_sq));
+    let all: f64 = probes.weights.iter().sum();
+    let share =
+        if found(anywhere) == anywhere.len() { 1.0 } else { weighed().map(|(_, weight)| weight).sum::<f64>() / all };
+    if share == 0.0 {
+        return None;
+    }
+    let sum: f64 = weighed().map(|(distance_sq, weight)| weight * counted(distance_sq)).sum();
+    let to_result_sq = sum / (probes.area() * share);
     // A result of a few hundred faces may have no point in any cell: both directions then have the input's deviation.
     let to_input_sq =
-        if to_input.is_empty() { to_result_sq } else { scaled(mean_of(&to_input), mean_of(in_cells), to_result_sq) };
-    Ok(Some(Gauged {
+        if found(to_input) == 0 { to_result_sq } else { scaled(mean_of(to_input), mean_of(in_cells), to_result_sq) };
+    Some(Gauged {
         rms: (0.5 * (to_input_sq + to_result_sq)).sqrt(),
         to_input: to_input_sq.sqrt(),
         to_result: to_result_sq.sqrt(),
-        points: (to_input.len() + to_result.len()) as u64,
-    }))
+        points: (found(to_input) + found(to_result)) as u64,
+    })
 }
 
 /// Deviation in the cells in one direction, scaled by the ratio of the whole to the cells in the other direction: in
@@ -151,7 +170,8 @@ fn nearest_sq(count: usize, triangle: impl Fn(u32) -> [DVec3; 3] + Sync, points:
 }
 
 /// Lowers the squared distances of points to those from the items of a tree. `distance_sq` is that of a point and an
-/// item; it may be the limit, its last argument, if it is not below that.
+/// item; it may be the limit, its last argument, if it is not below that. Points that take too many looks become
+/// [`GIVEN_UP`].
 fn lower(
     tree: &BoxTree,
     points: &[DVec3],
@@ -165,8 +185,12 @@ fn lower(
             if tree.bounds().distance_sq(point) >= *lowest {
                 continue;
             }
-            let (mut best, mut nearest) = (*lowest, last);
+            let (mut best, mut nearest, mut looks) = (*lowest, last, 0);
             let mut lower_to = |item| {
+                looks += 1;
+                if looks > LOOKS_MAX {
+                    return GIVEN_UP;
+                }
                 let distance_sq = distance_sq(point, item, best);
                 if distance_sq < best {
                     (best, nearest) = (distance_sq, Some(item));
@@ -179,4 +203,43 @@ fn lower(
         }
     };
     in_parallel(|| points.par_chunks(RUN_POINTS).zip(distances_sq.par_chunks_mut(RUN_POINTS)).for_each(lower_run));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::cluster::samples;
+    use crate::partition::ClusterId;
+    use crate::passes::probes::Probing;
+
+    #[test]
+    fn points_with_too_many_items_around_them_are_given_up() {
+        let around = Bounds::around([DVec3::ZERO, DVec3::ONE]);
+        for (count, expected) in [(LOOKS_MAX - 1, 0.25), (2 * LOOKS_MAX, GIVEN_UP)] {
+            let tree = BoxTree::new(count as usize, |_| around);
+            let mut distances_sq = [f64::INFINITY, f64::INFINITY, 0.0];
+            lower(&tree, &[DVec3::splat(0.5); 3], &mut distances_sq, |_, _, _| 0.25);
+            assert_eq!(distances_sq, [expected, expected, 0.0], "{count} items");
+            // A point that was given up is not taken up again.
+            let few = BoxTree::new(1, |_| around);
+            lower(&few, &[DVec3::splat(0.5); 3], &mut distances_sq, |_, _, _| 0.0);
+            assert_eq!(distances_sq[0], expected.min(0.0));
+        }
+    }
+
+    #[test]
+    fn figures_are_those_of_the_points_that_are_left() {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::ONE].map(|corner| (corner, glam::DVec2::NAN));
+        let mesh = samples::mesh_of(corners, &[[0, 1, 2], [2, 1, 3]]);
+        let probes = Probing::new(2, 1, 1.0).take(&mesh, DVec3::ZERO, ClusterId::new(0));
+        let count = probes.points.len();
+        let whole = gauged(&probes, &[4.0, 4.0], &vec![9.0; count], 0.0).unwrap();
+        let mut some: Vec<f64> = (0..count).map(|point| if point % 3 == 0 { GIVEN_UP } else { 9.0 }).collect();
+        let left = gauged(&probes, &[4.0, GIVEN_UP], &some, 0.0).unwrap();
+        assert!((left.rms - whole.rms).abs() < 1e-12 && (left.to_result - whole.to_result).abs() < 1e-12);
+        assert_eq!(left.points as usize, 1 + count - count.div_ceil(3));
+        assert_eq!(whole.points as usize, 2 + count);
+        some.fill(GIVEN_UP);
+        assert_eq!(gauged(&probes, &[4.0], &some, 0.0), None);
+    }
 }

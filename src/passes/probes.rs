@@ -164,7 +164,7 @@ impl Probing {
     }
 
     /// Probes a cluster of the input; its number seeds the points.
-    pub(super) fn take(&self, mesh: &ClusterMesh, origin: DVec3, cluster: ClusterId) -> Probes {
+    pub fn take(&self, mesh: &ClusterMesh, origin: DVec3, cluster: ClusterId) -> Probes {
         let share = mesh.corners.len() as f64 / self.faces.max(1) as f64;
         let most = |expected: f64| (EXCESS as f64 * expected * share) as usize + EXCESS_MORE as usize;
         let triangles_max = most(TRIANGLES_PER_FACE * CHOSEN_FACES);
