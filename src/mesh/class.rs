@@ -528,20 +528,37 @@ mod tests {
         }
     }
 
+    /// A mesh of faces around vertex 0.
+    fn mesh_around(faces: &[Around]) -> ClusterMesh {
+        let mut mesh = ClusterMesh::default();
+        for _ in 0..9 {
+            let vertex = mesh.push_vertex(DVec3::ZERO, 0);
+            (0..3).for_each(|_| _ = mesh.push_wedge(vertex, DVec2::NAN));
+        }
+        for &Around { ends: [a, b], wedges: [own, of_a, of_b] } in faces {
+            samples::add_faces(&mut mesh, &[[own, 3 * a + of_a, 3 * b + of_b]]);
+        }
+        mesh.link_wedges();
+        mesh
+    }
+
+    #[test]
+    fn a_vertex_is_not_smooth_if_all_edges_around_it_are_seams() {
+        let differ_at_the_vertex = [0, 1, 2].map(|own| [own, 0, 0]);
+        let differ_at_the_far_ends = [[0, 0, 1]; 3];
+        for wedges in [differ_at_the_vertex, differ_at_the_far_ends] {
+            let faces: Vec<Around> =
+                (0..3).map(|at| Around { ends: [at + 1, (at + 1) % 3 + 1], wedges: wedges[at as usize] }).collect();
+            assert_eq!(classes_of(&mesh_around(&faces))[v(0)], Class::Corner, "{wedges:?}");
+        }
+    }
+
     proptest! {
         #[test]
         fn the_class_is_that_of_the_edges_around_a_vertex(fans in prop::collection::vec(fan(), 1..3)) {
             let (mut rings, mut classes) = (Rings::default(), TiVec::new());
             for faces in fans {
-                let mut mesh = ClusterMesh::default();
-                for _ in 0..9 {
-                    let vertex = mesh.push_vertex(DVec3::ZERO, 0);
-                    (0..3).for_each(|_| _ = mesh.push_wedge(vertex, DVec2::NAN));
-                }
-                for &Around { ends: [a, b], wedges: [own, of_a, of_b] } in &faces {
-                    samples::add_faces(&mut mesh, &[[own, 3 * a + of_a, 3 * b + of_b]]);
-                }
-                mesh.link_wedges();
+                let mesh = mesh_around(&faces);
                 rings.build(&mesh);
                 let shows_back = classify(&mesh, &rings, &mut classes);
                 prop_assert_eq!(classes[v(0)], expected_class(&faces), "{:?}", faces);

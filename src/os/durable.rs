@@ -468,6 +468,12 @@ mod tests {
         let told = file.wait_for_sync().unwrap_err();
         assert!(matches!(told, Error::Io { .. }), "{told}");
         assert!(file.wait_for_sync().is_ok());
+        // Also if the next one begins.
+        file.sync_ahead().unwrap();
+        while file.ahead.as_ref().is_some_and(|thread| !thread.is_finished()) {
+            std::thread::yield_now();
+        }
+        assert!(matches!(file.sync_ahead(), Err(Error::Io { .. })));
     }
 
     #[cfg(target_os = "linux")]
