@@ -51,8 +51,8 @@ fn layers(mesh: &MeasuredMesh, frame: &Frame) -> f64 {
     0.5 * mesh.area * scale * scale / (SIZE[0] * SIZE[1]) as f64
 }
 
-/// Finds the pinholes of a result. `None` where there is nothing to see, or where a mesh has more than [`LAYERS_MAX`]
-/// surfaces behind each other, which `warnings` then tell: drawing them would take far longer than all else.
+/// Finds the pinholes of a result. `None` where there is nothing to see, or where surfaces of a mesh lie behind each
+/// other by the hundred, which `warnings` then tell: drawing them would take far longer than all else.
 ///
 /// # Errors
 /// On failed reads.
