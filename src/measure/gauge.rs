@@ -1,8 +1,8 @@
 //! Distance of a result from its input, measured at some thousand points when a run ends.
 //!
 //! In: what the passes kept of the input ([`Probes`]), and the result as it is stored. Out: the root of the mean
-//! squared distance in each direction. Each distance is exact; since the points are few, the figures are estimates of
-//! what [`compare`](super::compare) finds with more of them.
+//! squared distance in each direction. Each distance is exact, and a point whose search takes too long is left out;
+//! since the points are few, the figures are estimates of what [`compare`](super::compare) finds with more of them.
 //!
 //! # Memory
 //! One piece of the result at a time: 72 bytes a triangle and about as much for its tree. 24 bytes and a tree for each

@@ -37,7 +37,8 @@ pub struct DurableFile {
 }
 
 impl DurableFile {
-    /// Creates a file that a job cannot do without, under a temporary name in its work folder; follows no symbolic link and replaces no other file.
+    /// Creates a file that a job cannot do without, under a temporary name in its work folder; follows no symbolic link
+    /// and replaces no other file.
     ///
     /// # Errors
     /// [`Error::Io`] if the file cannot be created.

@@ -12,7 +12,7 @@ const BY_FACES: f64 = 0.2;
 const BY_STAKES: f64 = 0.4;
 /// Bend below which a vertex counts as flat. Bend: 1 minus the length of the mean unit normal around the vertex.
 const BEND_MIN: f32 = 1e-6;
-/// Faces by whose expected errors the largest one is capped.
+/// Number of faces, at least, whose expected errors tell where they are capped; all faces if there are fewer.
 const QUANTILE_FACES: usize = 4096;
 
 /// Sampling weights of the faces of a cluster, and buffers to compute them.

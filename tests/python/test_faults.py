@@ -31,4 +31,4 @@ def test_a_call_that_goes_wrong_costs_nothing(drystone):
 
 @pytest.mark.parametrize("kind", [[], ["--long"]])
 def test_a_power_cut_costs_nothing_that_was_promised(drystone, kind):
-    assert " 40 power cuts, 0 faults" in faults(drystone, "power_cuts.py", "--cuts", "40", *kind)
+    assert " 60 power cuts, 0 faults" in faults(drystone, "power_cuts.py", "--cuts", "60", *kind)

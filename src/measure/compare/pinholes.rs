@@ -66,7 +66,7 @@ pub fn find(
     let Some(frame) = Frame::new(before.surface.bounds.low, before.surface.bounds.high) else { return Ok(None) };
     let most = layers(before, &frame).max(layers(after, &frame));
     if most > LAYERS_MAX {
-        warnings.push(format!("no pinholes are looked for: {most:.0} surfaces lie behind each other"));
+        warnings.push(format!("no pinholes are looked for: on average {most:.0} surfaces lie behind each other"));
         return Ok(None);
     }
     let places: Vec<[f64; 2]> = TILTS
