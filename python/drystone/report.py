@@ -93,6 +93,7 @@ class TopologyChanges(Record):
     pieces_area: float
     vertices_welded: int
     complex_resolved: int
+    faces_forced: int
 
 
 @dataclass(frozen=True)

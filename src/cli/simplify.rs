@@ -237,7 +237,7 @@ impl SimplifyArguments {
         if !self.quiet {
             tell_lines(result.warning_lines());
         }
-        tell_lines(result.miss_lines());
+        tell_lines(result.target_lines());
         tell_lines(result.broken_bound().into_iter().collect());
         match self.format {
             Format::Json => print_json(result),

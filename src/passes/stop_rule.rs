@@ -112,7 +112,7 @@ impl Recalled for StopRule {
 
 /// Runs the stages up to the stop. Returns the cost of the last stage that collapsed an edge, or 0 if none did; with
 /// bounds on the deviation, the highest cost of all stages. If the log is wanted, every collapse of the last stage is
-/// logged.
+/// logged. In the last stage to a number of faces, the engine may force the target.
 pub(super) fn run_stages_to<M: Metric>(engine: &mut Engine<M>, stop: &ClusterStop, wanted: Wanted) -> f32 {
     let faces = engine.mesh.face_count;
     let stages: Vec<Stop> = match stop {
@@ -130,9 +130,11 @@ pub(super) fn run_stages_to<M: Metric>(engine: &mut Engine<M>, stop: &ClusterSto
     };
     let mut cost = 0.0;
     for (i, &stage) in stages.iter().enumerate() {
-        if wanted == Wanted::Log && i + 1 == stages.len() {
+        let is_last = i + 1 == stages.len();
+        if wanted == Wanted::Log && is_last {
             engine.log = Some(Vec::new());
         }
+        engine.forces_target = is_last && matches!(stop, ClusterStop::Faces(..));
         let result = engine.run(stage);
         cost = if result.cost > 0.0 { result.cost } else { cost };
     }

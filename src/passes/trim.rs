@@ -103,19 +103,33 @@ impl Notes {
     }
 
     /// Returns the faces that each cluster may lose so that together they lose `excess`, or one more, and the highest
-    /// cost that this takes.
+    /// cost that this takes. Where a collapse would remove more, its cluster stops before it, and the next cheapest ones
+    /// of others take its place; only if they are not enough is it done.
     pub fn cut(mut self, excess: u64, cluster_count: usize) -> (TiVec<ClusterId, u64>, f32) {
         // The sort is stable: equal costs stay in the order of clusters and collapses.
         self.notes.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         let mut quota: TiVec<ClusterId, u64> = vec![0; cluster_count].into();
-        let (mut lost, mut cost) = (0, 0f32);
+        let mut is_over: TiVec<ClusterId, bool> = vec![false; cluster_count].into();
+        let (mut lost, mut cost, mut over) = (0, 0f32, None);
         for note in &self.notes {
             if lost >= excess {
                 break;
             }
+            if is_over[note.cluster] {
+                continue;
+            }
+            if lost + u64::from(note.died) > excess + 1 {
+                is_over[note.cluster] = true;
+                over.get_or_insert(note);
+                continue;
+            }
             quota[note.cluster] += u64::from(note.died);
             lost += u64::from(note.died);
             cost = note.cost;
+        }
+        if let Some(note) = over.filter(|_| lost < excess) {
+            quota[note.cluster] += u64::from(note.died);
+            cost = cost.max(note.cost);
         }
         (quota, cost)
     }
@@ -195,6 +209,22 @@ mod tests {
         notes.add(ClusterId::new(1), &[(2.0, 2), (3.0, 1), (9.0, 2)]);
         assert_eq!(notes.died(), 11);
         assert_eq!(notes.cut(5, 2), (vec![2, 3].into(), 3.0));
+    }
+
+    #[test]
+    fn a_collapse_of_too_many_faces_makes_way_for_others() {
+        let cut = |excess, second: &[(f32, u8)]| {
+            let mut notes = Notes::default();
+            notes.add(ClusterId::new(0), &[(1.0, 2), (2.0, 4), (3.0, 1)]);
+            notes.add(ClusterId::new(1), second);
+            notes.cut(excess, 2)
+        };
+        assert_eq!(cut(3, &[(4.0, 2), (5.0, 2)]), (vec![2, 2].into(), 4.0));
+        assert_eq!(cut(5, &[(4.0, 2), (5.0, 2)]), (vec![6, 0].into(), 2.0));
+        assert_eq!(cut(4, &[(4.0, 1), (5.0, 1)]), (vec![2, 2].into(), 5.0));
+        // What others have is not enough.
+        assert_eq!(cut(4, &[(4.0, 1)]), (vec![6, 1].into(), 4.0));
+        assert_eq!(cut(20, &[(4.0, 1)]), (vec![7, 1].into(), 4.0));
     }
 
     #[test]

@@ -26,6 +26,7 @@ pub(super) fn changes(made: &Changes) -> impl Iterator<Item = (&'static str, Str
         ("pieces dropped", made.pieces_dropped),
         ("border vertices welded", made.vertices_welded),
         ("non-manifold vertices resolved", made.complex_resolved),
+        ("triangles forced out", made.faces_forced),
     ];
     let area = (made.pieces_area > 0.0).then(|| ("area of the pieces dropped", length(made.pieces_area)));
     counts.into_iter().filter(|(_, count)| *count > 0).map(|(name, count)| (name, count.to_string())).chain(area)
@@ -67,10 +68,10 @@ impl Report {
         warning_lines(&self.warnings, "--report FILE.json or FILE.html lists them")
     }
 
-    /// Lines that say where the run stopped above its target, what holds it there and which options would free it; none
-    /// if the target was met.
-    pub fn miss_lines(&self) -> Vec<String> {
-        let Some(floor) = &self.floor else { return Vec::new() };
+    /// Lines that say where the run stopped above its target, what holds it there and which options would free it, or
+    /// that only forced collapses met the target; none if others did.
+    pub fn target_lines(&self) -> Vec<String> {
+        let Some(floor) = &self.floor else { return self.forced_line().into_iter().collect() };
         let vertices = if floor.border == 1 { "vertex" } else { "vertices" };
         let share = |faces: u64| 100.0 * faces as f64 / self.faces.input.max(1) as f64;
         let mut lines = vec![
@@ -103,6 +104,16 @@ impl Report {
         });
         lines.extend(self.ways_out(floor));
         lines
+    }
+
+    fn forced_line(&self) -> Option<String> {
+        let forced = Some(self.topology.faces_forced).filter(|&forced| forced > 0)?;
+        let least = (self.faces.output + forced) as f64 / self.faces.input.max(1) as f64;
+        let forced = counted(forced, "triangle");
+        Some(format!(
+            "the last {forced} could go only where others fold or turn over: the least sensible target is about --ratio \
+             {least:.4}"
+        ))
     }
 
     /// Options to type to free the vertices and edges that hold the mesh above its target.

@@ -17,6 +17,8 @@ pub struct Changes {
     pub vertices_welded: u64,
     /// Non-manifold vertices that vanished or became manifold.
     pub complex_resolved: u64,
+    /// Faces removed by collapses that may fold faces or turn them over, since the target was out of reach otherwise.
+    pub faces_forced: u64,
 }
 
 impl std::ops::AddAssign for Changes {
@@ -27,5 +29,6 @@ impl std::ops::AddAssign for Changes {
         self.pieces_area += other.pieces_area;
         self.vertices_welded += other.vertices_welded;
         self.complex_resolved += other.complex_resolved;
+        self.faces_forced += other.faces_forced;
     }
 }

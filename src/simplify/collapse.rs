@@ -6,6 +6,7 @@ use super::deviation::Patches;
 use super::edge_star::{EdgeStar, VanishingFan};
 use super::last_faces::LastFaces;
 use super::refusal::Refusal;
+use super::shape_rule::ShapeRule;
 use super::texture::{insets, uv_on_chain, uv_on_ring};
 use crate::cost::{EdgeCase, Metric};
 use crate::mesh::cluster::{ClusterMesh, flag};
@@ -54,6 +55,16 @@ impl Collapser {
     /// Vertices whose classes may have changed, because the last collapse changed the topology.
     pub fn unsettled(&self) -> &[LocalVertex] {
         &self.star.unsettled
+    }
+
+    /// What changed faces must not do.
+    pub fn shape_rule(&self) -> ShapeRule {
+        self.star.shape_rule
+    }
+
+    /// Changes what changed faces must not do.
+    pub fn set_shape_rule(&mut self, rule: ShapeRule) {
+        self.star.shape_rule = rule;
     }
 
     /// Non-manifold edges (more than two faces) that the last collapse created, minus those that it resolved.

@@ -3,6 +3,7 @@
 //! Scratch space is kept between edges; `legality` and `legality/edges` check it.
 
 use super::fold::FoldCheck;
+use super::shape_rule::ShapeRule;
 use crate::base::id::TiVec;
 use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
@@ -31,6 +32,8 @@ pub struct VanishingFan {
 /// Effects of a collapse on the faces around its edge; buffers are reused.
 #[derive(Debug, Default)]
 pub struct EdgeStar {
+    /// What the changed faces must not do.
+    pub shape_rule: ShapeRule,
     /// Faces that vanish.
     pub dying: Vec<FaceId>,
     /// Wedges of the vanishing vertex, and the wedges of the staying one that they become.

@@ -108,6 +108,9 @@ pub struct Engine<M> {
     pub frees_topology: bool,
     /// Whether handles are also cut before the first stage: in an input mesh that takes long and brings little.
     pub seeks_handles: bool,
+    /// Whether the shapes of faces are kept less strictly where a number of faces cannot be reached otherwise; only if
+    /// `frees_topology` is set.
+    pub forces_target: bool,
     /// Whether a round is a single collapse: this gives the order of a heap that is always up to date.
     pub one_by_one: bool,
 }
@@ -156,6 +159,7 @@ impl<M: Metric> Engine<M> {
             welds: false,
             frees_topology: false,
             seeks_handles: false,
+            forces_target: false,
             one_by_one: false,
         }
     }
@@ -176,10 +180,10 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Runs one stage. If a number of faces cannot be reached otherwise, and the topology may change, cuts handles and
-    /// continues.
+    /// continues; then, if it [may](Engine::forces_target), weakens the rule for the shapes of faces.
     pub fn run(&mut self, stop: Stop) -> StageResult {
         let mut result = self.run_once(stop);
-        while matches!(stop, Stop::Faces(_)) && !result.reached && self.cut_shortest_handles() {
+        while matches!(stop, Stop::Faces(_)) && !result.reached && self.give_way() {
             let again = self.run_once(stop);
             result = StageResult { cost: result.cost.max(again.cost), ..again };
         }

@@ -8,7 +8,8 @@ use glam::{DVec2, DVec3};
 
 use super::edge_star::{EdgeStar, VanishingFan, is_hub};
 use super::refusal::Refusal;
-use super::triangle_change::{change_of, uv_survives};
+use super::shape_rule::ShapeRule;
+use super::triangle_change::{any_change_of, change_of, uv_survives};
 use crate::geometry::distance_sq;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::LocalVertex;
@@ -136,8 +137,8 @@ impl EdgeStar {
 
     /// Checks that no face folds over, in space or in texture space, when the `moving` vertices come to `position` and
     /// the wedges of each pair to one of `uvs`. Nor may a face span empty space: `cost` is that of the collapse, in
-    /// area × squared distance; infinity disables this check. [`check_topology`](EdgeStar::check_topology) must have
-    /// passed.
+    /// area × squared distance; infinity disables this check. A weaker [`ShapeRule`] allows some of it.
+    /// [`check_topology`](EdgeStar::check_topology) must have passed.
     ///
     /// # Errors
     /// The first reason found against the collapse.
@@ -150,6 +151,7 @@ impl EdgeStar {
         uvs: &[DVec2],
         cost: f64,
     ) -> Result<(), Refusal> {
+        let is_strict = self.shape_rule == ShapeRule::Strict;
         self.folds.begin(self.joins);
         for &vertex in moving {
             for &corner in rings.of(vertex) {
@@ -165,7 +167,9 @@ impl EdgeStar {
                 if let Some((_, &uv)) = pairs.find(|(pair, _)| pair.from == wedge || pair.to == wedge) {
                     uv_after[k] = uv;
                 }
-                let change = change_of(before, after).ok_or(Refusal::Fold)?;
+                let may_turn = self.shape_rule == ShapeRule::MayTurn;
+                let change = if may_turn { any_change_of(before, after) } else { change_of(before, after) };
+                let change = change.ok_or(Refusal::Fold)?;
                 self.folds.push(corner, &change);
                 let areas_sq = change.areas_sq;
                 let grows = areas_sq[1] > GROWTH_SQ * areas_sq[0];
@@ -178,7 +182,7 @@ impl EdgeStar {
             }
         }
         let anchor = self.ends.into_iter().find(|end| !moving.contains(end)).map(|end| (end, &self.opposite[..]));
-        let folds = self.folds.finds(mesh, rings, &self.dying, anchor, position);
+        let folds = is_strict && self.folds.finds(mesh, rings, &self.dying, anchor, position);
         if folds { Err(Refusal::Fold) } else { Ok(()) }
     }
 

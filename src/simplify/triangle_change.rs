@@ -54,6 +54,13 @@ pub fn change_of(before: [DVec3; 3], after: [DVec3; 3]) -> Option<Change> {
     survives.then_some(Change { areas_sq: [0.25 * old_sq, 0.25 * new_sq], turns, normal: new })
 }
 
+/// How a triangle changes when a corner moves, whichever way it turns; `None` if it has no area afterwards.
+pub fn any_change_of(before: [DVec3; 3], after: [DVec3; 3]) -> Option<Change> {
+    let [old, normal] = [before, after].map(|t| (t[1] - t[0]).cross(t[2] - t[0]));
+    let areas_sq = [old, normal].map(|across| 0.25 * across.length_squared());
+    (areas_sq[1] > 0.0).then_some(Change { areas_sq, turns: true, normal })
+}
+
 /// Twice the area of a texture triangle, negative if it is mirrored.
 pub fn doubled_uv_area([a, b, c]: [DVec2; 3]) -> f64 {
     (b - a).perp_dot(c - a)

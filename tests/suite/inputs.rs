@@ -341,7 +341,7 @@ fn doubled_faces_are_told_and_go_where_the_user_says_so() {
             let kept = simplify_text(&sketch.text(), &options);
             assert_eq!(kept.report.status, Status::TargetMissed);
             assert!(kept.report.repairs["doubled_faces"] > faces / 4);
-            assert!(kept.report.miss_lines().iter().any(|line| line.contains("--doubles drop")));
+            assert!(kept.report.target_lines().iter().any(|line| line.contains("--doubles drop")));
             let dropped = simplify_text(&sketch.text(), &SimplifyOptions { doubles: Doubles::Drop, ..options });
             assert_eq!(dropped.report.repairs["dropped_doubles"], faces / 2);
             let output = dropped.report.faces.output;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::meshes::{assert_sound, in_many_clusters, ratio, read, rms_distance, simplify};
 use crate::tile_views::holes_between_levels;
 use drystone::Silent;
-use drystone::options::{SimplifyOptions, TileOptions, Topology};
+use drystone::options::{SimplifyOptions, Target, TileOptions, Topology};
 
 fn mesh(name: &str) -> Option<PathBuf> {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
@@ -91,6 +91,23 @@ fn far_targets_of_real_tiles_are_met() {
         println!("{name} at {share}: {:?}, RMS {rms} m", run.report.faces);
         assert_sound(&read(&path), &run);
         assert!(run.report.status == drystone::report::Status::Done && rms < most, "{name} at {share}: RMS {rms} m");
+    }
+}
+
+/// A hundred triangles are left where a hundred are asked for, with no more faults than the input has.
+#[test]
+fn a_hundred_triangles_are_left_of_any_real_tile() {
+    for name in [
+        "cc_cyanhabao/cc_cyanhabao.obj",
+        "odm_bocimi/odm_bocimi.obj",
+        "city_wageningen_3dbag/wageningen_3dbag.obj",
+        "repro/cube_40k.obj",
+    ] {
+        let Some(path) = mesh(name) else { return };
+        let run = simplify(&path, &SimplifyOptions { target: Target::faces(100), ..SimplifyOptions::default() });
+        let faces = run.report.faces.output;
+        assert!(run.report.status == drystone::report::Status::Done && faces >= 98, "{name}: {faces}");
+        assert_sound(&read(&path), &run);
     }
 }
 

@@ -10,6 +10,7 @@ use crate::mesh::id::{Edge, LocalVertex};
 use crate::simplify::collapse::Collapse;
 use crate::simplify::edge_star::VanishingFan;
 use crate::simplify::proposal::{Bid, Proposal};
+use crate::simplify::shape_rule::ShapeRule;
 use crate::simplify::stage::{StageResult, Stop};
 use crate::simplify::witness::area_of;
 
@@ -162,6 +163,9 @@ impl<M: Metric> Engine<M> {
         match self.collapser.try_collapse(&mut self.mesh, &self.rings, &mut self.cost, collapse) {
             Ok(died) => {
                 self.spare_edges -= self.collapser.new_non_manifold_edges();
+                if self.collapser.shape_rule() != ShapeRule::Strict {
+                    self.changes.faces_forced += died as u64;
+                }
                 self.changes.vertices_welded += u64::from(is_rip);
                 self.changes.holes_closed += u64::from(closes_hole);
                 if fan.is_alone {

@@ -38,7 +38,7 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Cuts the shortest handles, and those of similar length. Returns whether any was cut.
-    pub(super) fn cut_shortest_handles(&mut self) -> bool {
+    fn cut_shortest_handles(&mut self) -> bool {
         if !self.cuts_handles() {
             return false;
         }
@@ -49,6 +49,17 @@ impl<M: Metric> Engine<M> {
         let changed = self.cut(&handles);
         self.follow_changes(&changed);
         !changed.is_empty()
+    }
+
+    /// Cuts handles, or weakens the rule for the shapes of faces. Returns whether it did either.
+    pub(super) fn give_way(&mut self) -> bool {
+        if self.cut_shortest_handles() {
+            return true;
+        }
+        let may_force = self.forces_target && self.frees_topology && self.collapser.deviation_max.is_none();
+        let Some(weaker) = self.collapser.shape_rule().weaker().filter(|_| may_force) else { return false };
+        self.collapser.set_shape_rule(weaker);
+        true
     }
 
     fn cuts_handles(&self) -> bool {

@@ -8,6 +8,7 @@ use crate::mesh::id::{FaceId, LocalVertex, Wedge};
 use crate::mesh::ring::Rings;
 use crate::simplify::edge_star::{EdgeStar, Neighbour, VanishingFan, is_hub};
 use crate::simplify::refusal::Refusal;
+use crate::simplify::shape_rule::ShapeRule;
 use crate::simplify::triangle_change::doubled_uv_area;
 
 /// Largest number of faces of an edge at which surfaces meet.
@@ -169,7 +170,7 @@ impl EdgeStar {
                 [Some(_), None, _] => return Err(Refusal::Topology),
                 [Some(one), Some(other), None] => {
                     let thirds = [one, other].map(|face| place(third_of(mesh, face, [a, b])));
-                    if are_nearly_folded([a, b].map(place), thirds) {
+                    if self.shape_rule == ShapeRule::Strict && are_nearly_folded([a, b].map(place), thirds) {
                         return Err(Refusal::Fold);
                     }
                     if self.are_mirrored(mesh, [one, other], [a, b]) {

@@ -32,6 +32,26 @@ fn no_face_is_pulled_out_over_empty_space() {
     assert_eq!(star.check_faces(&mesh, &rings, &[v(0)], mesh.positions[v(1)], &uvs, 0.0), Ok(()));
 }
 
+//   0    3        A page 0-1-2 and a wall 3-2-1 at the spine 1-2. The page falls onto the wall, or through it to
+//    \\  /         the other side, or its tip comes to lie on the spine.
+//     12
+#[test]
+fn a_weaker_rule_for_shapes_lets_faces_fold_and_the_weakest_lets_them_turn_over() {
+    let around = |degrees: f64| DVec3::new(0.5, degrees.to_radians().cos(), degrees.to_radians().sin());
+    let (mesh, rings) = mesh_of(&[around(100.0), DVec3::ZERO, DVec3::X, around(30.0)], &[[0, 1, 2], [3, 2, 1]]);
+    let verdicts = |position| {
+        [ShapeRule::Strict, ShapeRule::MayFold, ShapeRule::MayTurn].map(|shape_rule| {
+            let mut star = EdgeStar { shape_rule, ..EdgeStar::default() };
+            star.check_faces(&mesh, &rings, &[v(0)], position, &[], 0.0)
+        })
+    };
+    let refused = Err(Refusal::Fold);
+    assert_eq!(verdicts(around(60.0)), [Ok(()); 3]);
+    assert_eq!(verdicts(around(31.0)), [refused, Ok(()), Ok(())]);
+    assert_eq!(verdicts(around(-60.0)), [refused, refused, Ok(())]);
+    assert_eq!(verdicts(DVec3::new(0.5, 0.0, 0.0)), [refused; 3]);
+}
+
 /// A triangle over the edge from 0 to 1 on the x axis, with its apex at `height`, rotated about the edge by `angle`.
 fn over_edge(height: f64, angle: f64) -> [DVec3; 3] {
     [DVec3::ZERO, DVec3::X, DVec3::new(0.3, height * angle.cos(), height * angle.sin())]

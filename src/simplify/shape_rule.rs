@@ -1,0 +1,24 @@
+//! How strictly collapses keep the shapes of faces.
+
+/// What the faces that a collapse changes must not do, from the strictest rule to the weakest.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum ShapeRule {
+    /// Turn over, become a sliver, span empty space, or fold onto another face.
+    #[default]
+    Strict,
+    /// Turn over or become a sliver.
+    MayFold,
+    /// Lose all their area.
+    MayTurn,
+}
+
+impl ShapeRule {
+    /// The next weaker rule; `None` if there is none.
+    pub fn weaker(self) -> Option<Self> {
+        match self {
+            ShapeRule::Strict => Some(ShapeRule::MayFold),
+            ShapeRule::MayFold => Some(ShapeRule::MayTurn),
+            ShapeRule::MayTurn => None,
+        }
+    }
+}
