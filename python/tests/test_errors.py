@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -102,20 +103,24 @@ def test_an_input_that_is_missing(tmp_path):
     assert error.filename == error.path == str(tmp_path / "gone.obj")
 
 
+# Several clusters: what is lent to `hands` is their stage.
+CLUSTERED = {"ratio": 0.5, "cluster_faces": 2000}
+
+
+def fail(stage: str, count: int, is_stopped: Callable[[], bool]) -> None:
+    raise RuntimeError("no machine is left")
+
+
 def test_another_input_in_the_work_folder(tmp_path):
     source = tmp_path / "a.obj"
     source.write_bytes(TOWN.read_bytes())
-
-    def fail(event: drystone.Event) -> None:
-        if event.phase == "simplify":
-            raise RuntimeError
-
-    with pytest.raises(RuntimeError):
-        drystone.simplify(source, tmp_path / "b.obj", ratio=0.5, progress=fail)
+    with pytest.raises(RuntimeError, match="no machine is left"):
+        drystone.simplify(source, tmp_path / "b.obj", **CLUSTERED, hands=fail)
     source.write_bytes(TOWN.read_bytes() + b"v 0 0 0\n")
     with pytest.raises(drystone.ChangedError) as caught:
-        drystone.simplify(source, tmp_path / "b.obj", ratio=0.5)
-    assert caught.value.exit_code == exit_code("simplify", source, "-o", tmp_path / "b.obj", "--ratio", 0.5) == 5
+        drystone.simplify(source, tmp_path / "b.obj", **CLUSTERED)
+    options = ["--ratio", 0.5, "--cluster-faces", 2000]
+    assert exit_code("simplify", source, "-o", tmp_path / "b.obj", *options) == caught.value.exit_code == 5
 
 
 def test_a_folder_that_is_locked(tmp_path):
@@ -171,20 +176,15 @@ def test_a_folder_that_another_process_holds(tmp_path):
 @pytest.mark.parametrize("name", ["manifest.bin", "journal.bin"])
 def test_a_work_folder_that_is_damaged(tmp_path, name):
     work = tmp_path / "work"
-
-    def fail(event: drystone.Event) -> None:
-        if event.phase == "stitch":
-            raise RuntimeError
-
-    with pytest.raises(RuntimeError):
-        drystone.simplify(TOWN, tmp_path / "a.obj", ratio=0.5, work=work, progress=fail)
+    with pytest.raises(RuntimeError, match="no machine is left"):
+        drystone.simplify(TOWN, tmp_path / "a.obj", **CLUSTERED, work=work, hands=fail)
     content = bytearray((work / name).read_bytes())
     content[len(content) // 2] ^= 255
     (work / name).write_bytes(content)
     with pytest.raises(drystone.DamagedError, match="damaged") as caught:
-        drystone.simplify(TOWN, tmp_path / "a.obj", ratio=0.5, work=work, resume="require")
+        drystone.simplify(TOWN, tmp_path / "a.obj", **CLUSTERED, work=work, resume="require")
     assert caught.value.path == str(work / name) and caught.value.path in str(caught.value)
-    options = ["--ratio", 0.5, "--work", work, "--resume", "require"]
+    options = ["--ratio", 0.5, "--cluster-faces", 2000, "--work", work, "--resume", "require"]
     assert exit_code("simplify", TOWN, "-o", tmp_path / "a.obj", *options) == caught.value.exit_code == 8
 
 
