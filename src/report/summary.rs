@@ -107,13 +107,15 @@ impl Report {
     }
 
     fn forced_line(&self) -> Option<String> {
-        let forced = Some(self.topology.faces_forced).filter(|&forced| forced > 0)?;
+        let forced = self.topology.faces_forced;
         let least = (self.faces.output + forced) as f64 / self.faces.input.max(1) as f64;
-        let forced = counted(forced, "triangle");
-        Some(format!(
-            "the last {forced} could go only where others fold or turn over: the least sensible target is about --ratio \
-             {least:.4}"
-        ))
+        (forced > 0).then(|| {
+            format!(
+                "the last {} went by collapses that may fold triangles or turn them over: the least sensible target is \
+                 about --ratio {least:.4}",
+                counted(forced, "triangle"),
+            )
+        })
     }
 
     /// Options to type to free the vertices and edges that hold the mesh above its target.

@@ -6,9 +6,9 @@ pub enum ShapeRule {
     /// Turn over, become a sliver, span empty space, or fold onto another face.
     #[default]
     Strict,
-    /// Turn over or become a sliver.
+    /// Turn over, become a sliver, or span empty space.
     MayFold,
-    /// Lose all their area.
+    /// Span empty space, or lose all their area.
     MayTurn,
 }
 

@@ -56,7 +56,7 @@ impl<M: Metric> Engine<M> {
         if self.cut_shortest_handles() {
             return true;
         }
-        let may_force = self.forces_target && self.frees_topology && self.collapser.deviation_max.is_none();
+        let may_force = self.forces_target && self.cuts_handles();
         let Some(weaker) = self.collapser.shape_rule().weaker().filter(|_| may_force) else { return false };
         self.collapser.set_shape_rule(weaker);
         true

@@ -27,6 +27,7 @@ struct Case {
     faces: Vec<[Wedge; 3]>,
     are_turned: Vec<bool>,
     fan: VanishingFan,
+    shape_rule: ShapeRule,
 }
 
 /// The vertex of a wedge.
@@ -225,7 +226,10 @@ fn check_far_side(
     let place = |vertex: LocalVertex| case.positions[vertex];
     match left[..] {
         [_] => Err(Refusal::Topology),
-        [one, other] if are_nearly_folded(edge.map(place), [one, other].map(|face| place(third(face)))) => {
+        [one, other]
+            if case.shape_rule == ShapeRule::Strict
+                && are_nearly_folded(edge.map(place), [one, other].map(|face| place(third(face)))) =>
+        {
             Err(Refusal::Fold)
         }
         [one, other] if case.are_mirrored([one, other], edge, pairs) => Err(Refusal::UvFold),
@@ -279,10 +283,11 @@ fn case() -> impl Strategy<Value = Case> {
         prop::collection::vec(uv(), 2 * count),
         prop::collection::vec((face(), prop::bool::weighted(0.1)), 1..18),
         fan,
+        prop_oneof![2 => Just(ShapeRule::Strict), 1 => Just(ShapeRule::MayFold), 1 => Just(ShapeRule::MayTurn)],
     )
-        .prop_map(|(positions, uvs, faces, mut fan)| {
+        .prop_map(|(positions, uvs, faces, mut fan, shape_rule)| {
             let (faces, are_turned) = faces.into_iter().unzip();
-            let mut case = Case { positions: positions.into(), uvs: uvs.into(), faces, are_turned, fan };
+            let mut case = Case { positions: positions.into(), uvs: uvs.into(), faces, are_turned, fan, shape_rule };
             // Usually `is_rip` agrees with the mesh.
             fan.is_rip &= case.faces_with(&[FROM, TO]).is_empty();
             case.fan = fan;
@@ -296,7 +301,7 @@ proptest! {
     #[test]
     fn a_free_collapse_does_what_the_rules_say(case in case(), was_used in any::<bool>()) {
         let (mut mesh, rings) = case.mesh();
-        let mut star = EdgeStar::default();
+        let mut star = EdgeStar { shape_rule: case.shape_rule, ..EdgeStar::default() };
         star.reset(VERTICES as usize);
         if was_used {
             // An earlier edge must leave no trace.
@@ -333,7 +338,7 @@ proptest! {
     fn the_link_condition_is_not_the_last_word_where_the_topology_may_change(case in case(), is_complex in any::<bool>()) {
         let (mesh, rings) = case.mesh();
         let begin = || {
-            let mut star = EdgeStar::default();
+            let mut star = EdgeStar { shape_rule: case.shape_rule, ..EdgeStar::default() };
             star.reset(VERTICES as usize);
             star.gather(&mesh, &rings, FROM, TO);
             star
