@@ -95,8 +95,11 @@ pub struct Engine<M> {
     pub milestones: Vec<Milestone>,
     /// Number of vertices on seams at the start of the last stage.
     pub seam_vertices: u64,
-    /// Cost and number of dead faces of every collapse; `None` to record nothing.
-    pub log: Option<Vec<(f32, u8)>>,
+    /// Cost of every collapse and the faces that went with it, less those that closed holes before it; `None` to record
+    /// nothing.
+    pub log: Option<Vec<(f32, i32)>>,
+    /// Faces that closed holes since the last collapse.
+    new_faces: i32,
     /// Whether seam vertices are locked.
     pub lock_seams: bool,
     /// Whether border vertices are locked.
@@ -108,7 +111,7 @@ pub struct Engine<M> {
     pub frees_topology: bool,
     /// Whether handles are also cut before the first stage: in an input mesh that takes long and brings little.
     pub seeks_handles: bool,
-    /// Whether the shapes of faces are kept less strictly where a number of faces cannot be reached otherwise; only if
+    /// Whether the shapes of faces are kept less strictly where a number of faces can be reached only that way; only if
     /// `frees_topology` is set.
     pub forces_target: bool,
     /// Whether a round is a single collapse: this gives the order of a heap that is always up to date.
@@ -154,6 +157,7 @@ impl<M: Metric> Engine<M> {
             milestones: Vec::new(),
             seam_vertices: 0,
             log: None,
+            new_faces: 0,
             lock_seams: false,
             lock_borders: false,
             welds: false,
@@ -180,14 +184,20 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Runs one stage. If a number of faces cannot be reached otherwise, and the topology may change, cuts handles and
-    /// continues; then, if it [may](Engine::forces_target), weakens the rule for the shapes of faces.
+    /// continues; then, if it [may](Engine::forces_target), forces the target.
     pub fn run(&mut self, stop: Stop) -> StageResult {
         let mut result = self.run_once(stop);
-        while matches!(stop, Stop::Faces(_)) && !result.reached && self.give_way() {
-            let again = self.run_once(stop);
-            result = StageResult { cost: result.cost.max(again.cost), ..again };
+        let may_cut = matches!(stop, Stop::Faces(_)) && self.cuts_handles();
+        while may_cut && !result.reached && self.cut_shortest_handles() {
+            result = self.run_on(stop, result);
         }
-        result
+        if may_cut && !result.reached && self.forces_target { self.force(stop, result) } else { result }
+    }
+
+    /// Continues a stage that ended with `result`. Returns the result of the whole.
+    fn run_on(&mut self, stop: Stop, result: StageResult) -> StageResult {
+        let again = self.run_once(stop);
+        StageResult { cost: result.cost.max(again.cost), ..again }
     }
 
     fn run_once(&mut self, stop: Stop) -> StageResult {
@@ -372,6 +382,7 @@ impl<M: Metric> Engine<M> {
     }
 }
 
+mod force;
 mod judge;
 mod round;
 mod topology;

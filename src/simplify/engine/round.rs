@@ -186,8 +186,9 @@ impl<M: Metric> Engine<M> {
                 // `to` stays in the proposal: the witnesses follow it.
                 self.proposals[from].cost = f32::INFINITY;
                 result.cost = result.cost.max(cost);
+                let new_faces = std::mem::take(&mut self.new_faces);
                 if let Some(log) = &mut self.log {
-                    log.push((cost, died as u8));
+                    log.push((cost, died as i32 - new_faces));
                 }
                 true
             }

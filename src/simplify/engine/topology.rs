@@ -29,16 +29,18 @@ impl<M: Metric> Engine<M> {
         }
         if self.closes_rips() {
             // The rings are outdated only at cut handles, none of which has a vertex on a border.
-            let room = self.faces_before.saturating_sub(self.mesh.face_count);
+            let faces = self.mesh.face_count;
+            let room = self.faces_before.saturating_sub(faces);
             let shut = caps::shut(&mut self.mesh, &self.rings, &self.classes, cost, room);
             self.changes.holes_closed += shut.count;
+            self.new_faces += (self.mesh.face_count - faces) as i32;
             changed.extend(shut.vertices);
         }
         self.follow_changes(&changed);
     }
 
     /// Cuts the shortest handles, and those of similar length. Returns whether any was cut.
-    fn cut_shortest_handles(&mut self) -> bool {
+    pub(super) fn cut_shortest_handles(&mut self) -> bool {
         if !self.cuts_handles() {
             return false;
         }
@@ -51,18 +53,7 @@ impl<M: Metric> Engine<M> {
         !changed.is_empty()
     }
 
-    /// Cuts handles, or weakens the rule for the shapes of faces. Returns whether it did either.
-    pub(super) fn give_way(&mut self) -> bool {
-        if self.cut_shortest_handles() {
-            return true;
-        }
-        let may_force = self.forces_target && self.cuts_handles();
-        let Some(weaker) = self.collapser.shape_rule().weaker().filter(|_| may_force) else { return false };
-        self.collapser.set_shape_rule(weaker);
-        true
-    }
-
-    fn cuts_handles(&self) -> bool {
+    pub(super) fn cuts_handles(&self) -> bool {
         self.frees_topology && self.collapser.deviation_max.is_none()
     }
 

@@ -1,0 +1,77 @@
+//! Forces a target: faces may fold or turn over where a number of faces can be reached only that way.
+
+use super::Engine;
+use crate::cost::Metric;
+use crate::mesh::cluster::ClusterMesh;
+use crate::simplify::changes::Changes;
+use crate::simplify::refusal::Refusal;
+use crate::simplify::shape_rule::ShapeRule;
+use crate::simplify::stage::{StageResult, Stop};
+
+/// Smallest share of the faces above the target that must go for forced collapses to stand.
+const SHARE_MIN: f64 = 0.5;
+
+/// The state before the target is forced.
+struct Unforced {
+    mesh: ClusterMesh,
+    changes: Changes,
+    refusals: [u64; Refusal::COUNT],
+    squared_error: f64,
+    milestones: usize,
+    collapses: Option<usize>,
+}
+
+impl<M: Metric> Engine<M> {
+    /// Continues a stage that ended with `result` under weaker and weaker rules for the shapes of faces. Returns the
+    /// result of the whole. Where even the weakest rule misses the target, and by far, nothing changes: folds that gain
+    /// little are not worth having.
+    pub(super) fn force(&mut self, stop: Stop, result: StageResult) -> StageResult {
+        let (Stop::Faces(target) | Stop::Cost(_, target)) = stop;
+        let excess = |engine: &Self| engine.mesh.face_count.saturating_sub(target) as f64;
+        let unforced = self.remember();
+        let excess_before = excess(self);
+        let mut forced = result;
+        while let Some(weaker) = self.collapser.shape_rule().weaker() {
+            self.collapser.set_shape_rule(weaker);
+            forced = self.run_on(stop, forced);
+            while !forced.reached && self.cut_shortest_handles() {
+                forced = self.run_on(stop, forced);
+            }
+            if forced.reached {
+                return forced;
+            }
+        }
+        if excess(self) <= (1.0 - SHARE_MIN) * excess_before {
+            return forced;
+        }
+        self.return_to(unforced);
+        result
+    }
+
+    fn remember(&mut self) -> Unforced {
+        self.tidy();
+        Unforced {
+            mesh: self.mesh.clone(),
+            changes: self.changes,
+            refusals: self.refusals,
+            squared_error: self.squared_error,
+            milestones: self.milestones.len(),
+            collapses: self.log.as_ref().map(Vec::len),
+        }
+    }
+
+    fn return_to(&mut self, unforced: Unforced) {
+        self.mesh = unforced.mesh;
+        self.changes = unforced.changes;
+        self.refusals = unforced.refusals;
+        self.squared_error = unforced.squared_error;
+        self.milestones.truncate(unforced.milestones);
+        if let (Some(log), Some(collapses)) = (&mut self.log, unforced.collapses) {
+            log.truncate(collapses);
+        }
+        self.collapser.set_shape_rule(ShapeRule::Strict);
+        self.is_tidy = false;
+        self.is_classified = false;
+        self.prepare();
+    }
+}
