@@ -6,6 +6,9 @@ use super::stop_rule::StopRule;
 
 /// Share of the allowed error that collapses may use; the rest covers rounding of the positions.
 const BOUND_SAFETY: f64 = 0.98;
+/// Extra passes that stop at sampled thresholds. If they end far above the target, the sample does not tell what its
+/// faces cost, and the next passes trim, however many faces have to go.
+const EXTRA_SAMPLED: usize = 8;
 
 /// What the clusters of a pass must reach together.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,7 +60,7 @@ impl Aim {
         if !self.is_last(turn) {
             return Goal::Stages(self.stages(self.faces_after(turn) / all, turn));
         }
-        if faces as f64 <= target * (1.0 + TRIM_SHARE_MAX) {
+        if faces as f64 <= target * (1.0 + TRIM_SHARE_MAX) || turn >= self.passes + EXTRA_SAMPLED {
             let excess = faces.saturating_sub(self.target) as f64;
             return Goal::Trim((target - (2.0 * excess).min(TRIM_SHARE_MAX * target)).max(1.0) / all);
         }
@@ -130,6 +133,8 @@ mod tests {
         assert_eq!(AIM.goal(2, 1250), Goal::Trim(750.0 / 1250.0));
         assert!(matches!(AIM.goal(2, 1251), Goal::Stages(_)));
         assert!(matches!(AIM.goal(1, 1010), Goal::Stages(_)));
+        assert!(matches!(AIM.goal(10, 9000), Goal::Stages(_)));
+        assert_eq!(AIM.goal(11, 9000), Goal::Trim(750.0 / 9000.0));
         let single = Aim { target: 1, ..AIM };
         assert_eq!(single.goal(2, 1), Goal::Trim(1.0));
         assert_eq!(AIM.before_trim(), 1030);

@@ -53,8 +53,8 @@ pub(super) struct Simplified {
     pub changes: Changes,
     /// What prevented further collapses.
     pub floor: Floor,
-    /// In a trial: cost and number of faces of each collapse of the last stage.
-    pub log: Vec<(f32, u8)>,
+    /// In a trial: cost and number of faces of each collapse of the last stage, less those that closed holes before it.
+    pub log: Vec<(f32, i32)>,
 }
 
 /// The engine with one metric, for clusters one after another.

@@ -50,8 +50,8 @@ pub(super) struct ClusterResult {
     /// Estimated mean squared deviation, in units of length².
     pub squared_error: f64,
     pub milestones: Vec<Milestone>,
-    /// Cost and number of faces of each collapse of a trial.
-    pub log: Vec<(f32, u8)>,
+    /// Cost and number of faces of each collapse of a trial, less those that closed holes before it.
+    pub log: Vec<(f32, i32)>,
     /// Patch for the sample of the next pass.
     pub patch: Option<ClusterMesh>,
     /// Probes of a cluster of the input.

@@ -246,15 +246,15 @@ fn cost_at<M: Metric>(engine: &mut Engine<M>, goal: usize, threshold: Option<f32
 
 /// Predicts the cost at `goal` faces: the highest cost in the first half of the collapses, times the largest plausible
 /// rise.
-fn likely_cost(log: &[(f32, u8)], before: usize, goal: usize) -> f32 {
+fn likely_cost(log: &[(f32, i32)], before: usize, goal: usize) -> f32 {
     let half_way = before - before.saturating_sub(goal) / 2;
-    let (mut cost, mut faces) = (0f32, before);
+    let (mut cost, mut faces) = (0f32, before as i64);
     for &(next, died) in log {
-        if faces <= half_way {
+        if faces <= half_way as i64 {
             break;
         }
         cost = cost.max(next);
-        faces -= usize::from(died);
+        faces -= i64::from(died);
     }
     cost * rise(half_way as u64, goal as u64, STEEPEST).min(LEAP_MAX) as f32
 }

@@ -23,7 +23,11 @@ const SHARED_TRIM_FACES: u64 = 5_000;
 /// Factor on the sampled threshold up to which a trim by shares may collapse edges. The sampled threshold comes from
 /// about twice as many collapses as the trim needs.
 const TRIM_SPREAD: f32 = 4.0;
-/// Trials of a trim by cost after the first one; each uses [`TRIM_SPREAD`] times the cost of the previous trial.
+/// A target counts as met up to one face in this many below it, or [`SPARE_MIN`] faces.
+const SPARE_SHARE: u64 = 1_000;
+/// Smallest number of faces by which a result may be below its target.
+const SPARE_MIN: u64 = 2;
+/// Trials of a trim by cost after the first one; each uses at least [`TRIM_SPREAD`] times the cost of the previous trial.
 const TRIALS_MAX: u32 = 4;
 
 impl Run<'_> {
@@ -139,10 +143,16 @@ impl Run<'_> {
         StopRule::Trim(vec![cost * TRIM_SPREAD], spread_shares(&partition.face_counts(), self.options.target))
     }
 
+    /// Highest cost at which a pass so far ended.
+    fn highest_cost(&self) -> f32 {
+        self.state.reports.iter().map(|pass| pass.threshold as f32).fold(0.0, f32::max)
+    }
+
     /// Plans a trim by cost: simplifies every cluster slightly too far, then picks the cheapest logged collapses of all
     /// clusters. Raises `cost` until enough faces can go.
     fn plan_trim(&self, partition: &Partition, mut cost: f32, pass: Pass) -> Result<StopRule> {
         let excess = partition.total_faces().saturating_sub(self.options.target);
+        let spare = (self.options.target / SPARE_SHARE).max(SPARE_MIN);
         let mut trial = 0;
         loop {
             let mut notes = Notes::default();
@@ -154,12 +164,13 @@ impl Run<'_> {
                 clusters.next().into_iter().for_each(|cluster| notes.add(cluster, &result.log));
                 Ok(())
             })?;
-            if notes.died() >= excess || trial == TRIALS_MAX {
-                let (quota, _) = notes.cut(excess, partition.cluster_count());
+            let quotas = notes.cut(excess, spare, partition.cluster_count());
+            if quotas.is_enough || trial == TRIALS_MAX {
                 let left = |(cluster, &lost)| partition.face_count(cluster).saturating_sub(lost);
-                return Ok(StopRule::Trim(vec![cost], quota.iter_enumerated().map(left).collect()));
+                return Ok(StopRule::Trim(vec![cost], quotas.lost.iter_enumerated().map(left).collect()));
             }
-            cost *= TRIM_SPREAD;
+            // A sample without a legal collapse costs nothing; the passes so far know better.
+            cost = (cost * TRIM_SPREAD).max(self.highest_cost());
             trial += 1;
         }
     }

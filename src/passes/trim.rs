@@ -71,68 +71,99 @@ pub fn halfway(
     before.iter().zip(after).map(&mut keep_of).collect()
 }
 
-/// A logged collapse: the highest cost so far in its cluster, and the number of faces removed.
+/// A logged collapse: the highest cost so far in its cluster, and the faces removed, less those that closed holes before
+/// it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct LoggedCollapse {
     cost: f32,
     cluster: ClusterId,
-    died: u8,
+    died: i32,
 }
 
 /// Logged collapses of all clusters.
 #[derive(Debug, Default)]
 pub struct Notes {
     notes: Vec<LoggedCollapse>,
-    died: u64,
 }
 
 impl Notes {
     /// Adds the log of a cluster in collapse order. Add clusters in ascending order.
-    pub fn add(&mut self, cluster: ClusterId, log: &[(f32, u8)]) {
+    pub fn add(&mut self, cluster: ClusterId, log: &[(f32, i32)]) {
         let mut highest = 0f32;
         for &(cost, died) in log {
             highest = highest.max(cost);
             self.notes.push(LoggedCollapse { cost: highest, cluster, died });
-            self.died += u64::from(died);
         }
     }
 
-    /// Number of faces removed in all.
-    pub fn died(&self) -> u64 {
-        self.died
-    }
-
-    /// Returns the faces that each cluster may lose so that together they lose `excess`, or one more, and the highest
-    /// cost that this takes. Where a collapse would remove more, its cluster stops before it, and the next cheapest ones
-    /// of others take its place; only if they are not enough is it done.
-    pub fn cut(mut self, excess: u64, cluster_count: usize) -> (TiVec<ClusterId, u64>, f32) {
+    /// Returns the faces that each cluster may lose so that together they lose `excess`, or one more. Where a collapse
+    /// would remove more, its cluster stops before it, and the next cheapest ones of others take its place. If they are
+    /// not enough, the collapse that would remove the fewest is done after all where that is at most `spare` too many; its
+    /// cluster has to find other ones for the rest where it is not.
+    pub fn cut(mut self, excess: u64, spare: u64, cluster_count: usize) -> Quotas {
         // The sort is stable: equal costs stay in the order of clusters and collapses.
         self.notes.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let mut quota: TiVec<ClusterId, u64> = vec![0; cluster_count].into();
+        let mut chosen = Chosen { died: vec![0; cluster_count].into(), lost: 0 };
         let mut is_over: TiVec<ClusterId, bool> = vec![false; cluster_count].into();
-        let (mut lost, mut cost, mut over) = (0, 0f32, None);
+        let mut over: Option<&LoggedCollapse> = None;
         for note in &self.notes {
-            if lost >= excess {
+            if chosen.lost >= excess {
                 break;
             }
             if is_over[note.cluster] {
                 continue;
             }
-            if lost + u64::from(note.died) > excess + 1 {
+            if chosen.lost_with(note) > excess + 1 {
                 is_over[note.cluster] = true;
-                over.get_or_insert(note);
+                over = over.filter(|over| over.died <= note.died).or(Some(note));
                 continue;
             }
-            quota[note.cluster] += u64::from(note.died);
-            lost += u64::from(note.died);
-            cost = note.cost;
+            chosen.add(note);
         }
-        if let Some(note) = over.filter(|_| lost < excess) {
-            quota[note.cluster] += u64::from(note.died);
-            cost = cost.max(note.cost);
+        let over = over.filter(|_| chosen.lost < excess);
+        if let Some(note) = over.filter(|note| chosen.lost_with(note) <= excess + spare) {
+            chosen.add(note);
         }
-        (quota, cost)
+        let mut lost: TiVec<ClusterId, u64> = chosen.died.into_iter().map(lost_of).collect();
+        if let Some(note) = over {
+            lost[note.cluster] += excess.saturating_sub(chosen.lost);
+        }
+        Quotas { lost, is_enough: chosen.lost >= excess }
     }
+}
+
+/// What the clusters lose together.
+#[derive(Debug, PartialEq)]
+pub struct Quotas {
+    /// Faces that each cluster loses.
+    pub lost: TiVec<ClusterId, u64>,
+    /// Whether the logged collapses are enough.
+    pub is_enough: bool,
+}
+
+/// The collapses chosen so far.
+struct Chosen {
+    /// Faces removed in each cluster, less those that closed holes.
+    died: TiVec<ClusterId, i64>,
+    /// Faces that all clusters lose.
+    lost: u64,
+}
+
+impl Chosen {
+    fn lost_with(&self, note: &LoggedCollapse) -> u64 {
+        let before = self.died[note.cluster];
+        self.lost + lost_of(before + i64::from(note.died)) - lost_of(before)
+    }
+
+    fn add(&mut self, note: &LoggedCollapse) {
+        self.lost = self.lost_with(note);
+        self.died[note.cluster] += i64::from(note.died);
+    }
+}
+
+/// Faces that a cluster loses: one that gets no fewer is not simplified, and closes no holes.
+fn lost_of(died: i64) -> u64 {
+    died.max(0) as u64
 }
 
 #[cfg(test)]
@@ -207,24 +238,51 @@ mod tests {
         let mut notes = Notes::default();
         notes.add(ClusterId::new(0), &[(1.0, 2), (5.0, 2), (4.0, 2)]);
         notes.add(ClusterId::new(1), &[(2.0, 2), (3.0, 1), (9.0, 2)]);
-        assert_eq!(notes.died(), 11);
-        assert_eq!(notes.cut(5, 2), (vec![2, 3].into(), 3.0));
+        assert_eq!(notes.cut(5, 0, 2).lost.raw, [2, 3]);
     }
 
     #[test]
     fn a_collapse_of_too_many_faces_makes_way_for_others() {
-        let cut = |excess, second: &[(f32, u8)]| {
+        let cut = |excess, second: &[(f32, i32)]| {
             let mut notes = Notes::default();
             notes.add(ClusterId::new(0), &[(1.0, 2), (2.0, 4), (3.0, 1)]);
             notes.add(ClusterId::new(1), second);
-            notes.cut(excess, 2)
+            let quotas = notes.cut(excess, 0, 2);
+            (quotas.lost.raw, quotas.is_enough)
         };
-        assert_eq!(cut(3, &[(4.0, 2), (5.0, 2)]), (vec![2, 2].into(), 4.0));
-        assert_eq!(cut(5, &[(4.0, 2), (5.0, 2)]), (vec![6, 0].into(), 2.0));
-        assert_eq!(cut(4, &[(4.0, 1), (5.0, 1)]), (vec![2, 2].into(), 5.0));
+        assert_eq!(cut(3, &[(4.0, 2), (5.0, 2)]), (vec![2, 2], true));
+        assert_eq!(cut(5, &[(4.0, 2), (5.0, 2)]), (vec![6, 0], true));
+        assert_eq!(cut(4, &[(4.0, 1), (5.0, 1)]), (vec![2, 2], true));
         // What others have is not enough.
-        assert_eq!(cut(4, &[(4.0, 1)]), (vec![6, 1].into(), 4.0));
-        assert_eq!(cut(20, &[(4.0, 1)]), (vec![7, 1].into(), 4.0));
+        assert_eq!(cut(4, &[(4.0, 1)]), (vec![3, 1], false));
+        assert_eq!(cut(4, &[(4.0, 5)]), (vec![4, 0], false));
+        assert_eq!(cut(20, &[(4.0, 1)]), (vec![7, 1], false));
+    }
+
+    #[test]
+    fn one_collapse_may_remove_a_few_faces_too_many_where_no_other_is_left() {
+        let cut = |excess, spare| {
+            let mut notes = Notes::default();
+            notes.add(ClusterId::new(0), &[(1.0, 6), (2.0, 2)]);
+            notes.add(ClusterId::new(1), &[(1.5, 2), (2.5, 4)]);
+            let quotas = notes.cut(excess, spare, 2);
+            (quotas.lost.raw, quotas.is_enough)
+        };
+        assert_eq!(cut(3, 2), (vec![0, 3], false));
+        assert_eq!(cut(3, 3), (vec![0, 6], true));
+        assert_eq!(cut(2, 9), (vec![0, 2], true));
+    }
+
+    #[test]
+    fn faces_that_close_holes_count_only_where_a_cluster_is_simplified() {
+        let cut = |excess| {
+            let mut notes = Notes::default();
+            notes.add(ClusterId::new(0), &[(1.0, -3), (2.0, 2), (3.0, 2)]);
+            notes.add(ClusterId::new(1), &[(1.5, 2), (2.5, 2)]);
+            notes.cut(excess, 0, 2).lost.raw
+        };
+        assert_eq!(cut(4), [0, 4]);
+        assert_eq!(cut(5), [1, 4]);
     }
 
     #[test]
@@ -232,6 +290,6 @@ mod tests {
         let mut notes = Notes::default();
         notes.add(ClusterId::new(0), &[(5.0, 2), (1.0, 2)]);
         notes.add(ClusterId::new(1), &[(2.0, 2)]);
-        assert_eq!(notes.cut(2, 2), (vec![0, 2].into(), 2.0));
+        assert_eq!(notes.cut(2, 0, 2).lost.raw, [0, 2]);
     }
 }

@@ -176,7 +176,9 @@ fn a_target_is_forced_where_no_other_collapse_is_left() {
         assert_eq!(near.mesh().check().boundary_edges, 0);
         assert_eq!((near.report.topology.faces_forced, near.report.target_lines().len()), (0, 0));
         let Report { status, topology, faces, .. } = &far.report;
-        if topology.faces_forced > 0 && *status == Status::Done {
+        if topology.faces_forced == 0 {
+            assert_eq!(far.mesh().check().folded_edges, 0);
+        } else if *status == Status::Done {
             let least = (faces.output + topology.faces_forced) as f64 / faces.input as f64;
             let lines = far.report.target_lines();
             assert!(lines.len() == 1 && lines[0].ends_with(&format!("--ratio {least:.4}")), "{lines:?}");
@@ -214,6 +216,25 @@ fn far_targets_of_the_town_are_met_and_nothing_tears() {
 
 proptest! {
     #![proptest_config(crate::meshes::cases(24, 60))]
+
+    /// Where walls are doubled, a collapse removes up to six faces.
+    #[test]
+    fn clusters_meet_their_target_together(
+        seed in any::<u64>(),
+        doubled in 0.0..0.3f64,
+        share in 0.2..0.7f64,
+        side in 7usize..12,
+        cluster_faces in 1_000u64..4_000,
+    ) {
+        let mut sketch = cells(side, seed);
+        for i in (0..sketch.faces.len()).filter(|&i| noise(i, 0, seed) < doubled) {
+            let [a, b, c] = sketch.faces[i];
+            sketch.faces.push([c, b, a]);
+        }
+        let run = simplify_text(&sketch.text(), &SimplifyOptions { cluster_faces, ..ratio(share) });
+        let (target, output) = (run.report.faces.target, run.report.faces.output);
+        prop_assert!(output <= target && output + (target / 1000).max(2) >= target, "{output} of {target}");
+    }
 
     #[test]
     fn a_rip_closes_and_two_sheets_become_one(
