@@ -75,9 +75,11 @@ def test_ctrl_c_stops_and_the_same_call_resumes(tmp_path, large):
             if child.wait() == 5:
                 stops += 1
                 assert time.monotonic() - asked < 5 and said.startswith("stopped 1")
-                assert not output.exists()
-                continue
-            assert said == "done\n"
+                if not output.exists():
+                    continue
+                # The signal came when the job had just ended.
+            else:
+                assert said == "done\n"
             break
         assert sha256(output) == sha256(undisturbed)
         assert not Path(f"{output}.work").exists()
