@@ -10,7 +10,7 @@ use super::stop_rule::{ClusterStop, Wanted, run_stages_to};
 use crate::cost::Metric;
 use crate::cost::mesh_stats::MeshStats;
 use crate::mesh::ClusterMesh;
-use crate::simplify::{Changes, Engine, Milestone};
+use crate::simplify::{Changes, Engine, LoggedCollapse, Milestone};
 
 /// What the engine may do to a cluster.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -53,8 +53,8 @@ pub(super) struct Simplified {
     pub changes: Changes,
     /// What prevented further collapses.
     pub floor: Floor,
-    /// In a trial: cost and number of faces of each collapse of the last stage, less those that closed holes before it.
-    pub log: Vec<(f32, i32)>,
+    /// In a trial: collapses of the last stage.
+    pub log: Vec<LoggedCollapse>,
 }
 
 /// The engine with one metric, for clusters one after another.

@@ -13,7 +13,7 @@ use crate::job::Recalled;
 use crate::mesh::ClusterMesh;
 use crate::model::{Catalogue, StoredPiece};
 use crate::partition::{ClusterId, Partition};
-use crate::simplify::Milestone;
+use crate::simplify::{LoggedCollapse, Milestone};
 
 /// How a pass that collapses edges begins.
 #[derive(Serialize, Deserialize)]
@@ -50,8 +50,8 @@ pub(super) struct ClusterResult {
     /// Estimated mean squared deviation, in units of length².
     pub squared_error: f64,
     pub milestones: Vec<Milestone>,
-    /// Cost and number of faces of each collapse of a trial, less those that closed holes before it.
-    pub log: Vec<(f32, i32)>,
+    /// Collapses of a trial.
+    pub log: Vec<LoggedCollapse>,
     /// Patch for the sample of the next pass.
     pub patch: Option<ClusterMesh>,
     /// Probes of a cluster of the input.

@@ -17,7 +17,7 @@ use crate::partition::ClusterId;
 use crate::partition::numbering::{RANK_BYTES, window_bytes};
 use crate::partition::reading::ClusterFaces;
 use crate::partition::weight::ORDINARY_BYTES;
-use crate::simplify::{Engine, Stop};
+use crate::simplify::{Engine, LoggedCollapse, Stop};
 
 /// Smallest and largest number of faces in the sample; all faces if the mesh has fewer.
 const SAMPLE_FACES: [u64; 2] = [10_000, 60_000];
@@ -246,15 +246,15 @@ fn cost_at<M: Metric>(engine: &mut Engine<M>, goal: usize, threshold: Option<f32
 
 /// Predicts the cost at `goal` faces: the highest cost in the first half of the collapses, times the largest plausible
 /// rise.
-fn likely_cost(log: &[(f32, i32)], before: usize, goal: usize) -> f32 {
+fn likely_cost(log: &[LoggedCollapse], before: usize, goal: usize) -> f32 {
     let half_way = before - before.saturating_sub(goal) / 2;
-    let (mut cost, mut faces) = (0f32, before as i64);
-    for &(next, died) in log {
-        if faces <= half_way as i64 {
+    let (mut cost, mut faces) = (0f32, before);
+    for next in log {
+        if faces <= half_way {
             break;
         }
-        cost = cost.max(next);
-        faces -= i64::from(died);
+        cost = cost.max(next.cost);
+        faces = next.faces as usize;
     }
     cost * rise(half_way as u64, goal as u64, STEEPEST).min(LEAP_MAX) as f32
 }
@@ -411,11 +411,12 @@ mod tests {
 
     #[test]
     fn a_few_dear_collapses_say_nothing_of_the_others() {
-        let mut log = vec![(1.0, 2); 95];
-        log.extend([(1e6, 2); 5]);
+        let collapse = |cost, number: u32| LoggedCollapse { cost, faces: 1000 - 2 * number };
+        let log: Vec<_> = (1..=100).map(|number| collapse(if number > 95 { 1e6 } else { 1.0 }, number)).collect();
         let likely = likely_cost(&log, 1000, 800);
         assert!((1.0..8.0).contains(&likely), "{likely}");
-        assert_eq!(likely_cost(&[(1.0, 2); 490], 1000, 20), LEAP_MAX as f32);
+        let log: Vec<_> = (1..=490).map(|number| collapse(1.0, number)).collect();
+        assert_eq!(likely_cost(&log, 1000, 20), LEAP_MAX as f32);
         assert_eq!(likely_cost(&[], 1000, 800), 0.0);
     }
 }

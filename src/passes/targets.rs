@@ -10,7 +10,7 @@ use super::run::Run;
 use super::sample::{self, Survey};
 use super::stop_rule::StopRule;
 use super::sweep_plan::SweepOutput;
-use super::trim::{Notes, spread_shares};
+use super::trim::{MergedLog, spread_shares};
 use crate::base::Result;
 use crate::base::id::TiVec;
 use crate::mesh::ClusterMesh;
@@ -155,16 +155,19 @@ impl Run<'_> {
         let spare = (self.options.target / SPARE_SHARE).max(SPARE_MIN);
         let mut trial = 0;
         loop {
-            let mut notes = Notes::default();
+            let mut merged = MergedLog::default();
             let mut clusters = partition.clusters();
             let everything = StopRule::Costs(vec![cost]);
             let plan = self.plan_sweep(pass, partition, &everything, SweepOutput::Log);
             let sweep = Sweep { pass, partition, number: trial, plan };
             self.sweep(&sweep, |result| {
-                clusters.next().into_iter().for_each(|cluster| notes.add(cluster, &result.log));
+                clusters
+                    .next()
+                    .into_iter()
+                    .for_each(|cluster| merged.add(cluster, partition.face_count(cluster), &result.log));
                 Ok(())
             })?;
-            let quotas = notes.cut(excess, spare, partition.cluster_count());
+            let quotas = merged.cut(excess, spare, partition.cluster_count());
             if quotas.is_enough || trial == TRIALS_MAX {
                 let left = |(cluster, &lost)| partition.face_count(cluster).saturating_sub(lost);
                 return Ok(StopRule::Trim(vec![cost], quotas.lost.iter_enumerated().map(left).collect()));

@@ -10,6 +10,7 @@
 use super::sample::evenly_spread;
 use crate::base::id::{TiSlice, TiVec};
 use crate::partition::ClusterId;
+use crate::simplify::LoggedCollapse;
 
 /// Largest share of its faces that a cluster loses while other clusters stay as they are.
 const SPREAD_SHARE: f64 = 0.06;
@@ -71,28 +72,30 @@ pub fn halfway(
     before.iter().zip(after).map(&mut keep_of).collect()
 }
 
-/// A logged collapse: the highest cost so far in its cluster, and the faces removed, less those that closed holes before
-/// it.
+/// A collapse in the queue of all clusters.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct LoggedCollapse {
+struct MergedCollapse {
+    /// Highest cost so far in its cluster.
     cost: f32,
     cluster: ClusterId,
-    died: i32,
+    /// Faces that the cluster has lost with it; 0 where it closed more holes than that.
+    lost: u64,
 }
 
 /// Logged collapses of all clusters.
 #[derive(Debug, Default)]
-pub struct Notes {
-    notes: Vec<LoggedCollapse>,
+pub struct MergedLog {
+    collapses: Vec<MergedCollapse>,
 }
 
-impl Notes {
-    /// Adds the log of a cluster in collapse order. Add clusters in ascending order.
-    pub fn add(&mut self, cluster: ClusterId, log: &[(f32, i32)]) {
+impl MergedLog {
+    /// Adds the log of a cluster that has `faces` faces. Add clusters in ascending order.
+    pub fn add(&mut self, cluster: ClusterId, faces: u64, log: &[LoggedCollapse]) {
         let mut highest = 0f32;
-        for &(cost, died) in log {
-            highest = highest.max(cost);
-            self.notes.push(LoggedCollapse { cost: highest, cluster, died });
+        for logged in log {
+            highest = highest.max(logged.cost);
+            let lost = faces.saturating_sub(u64::from(logged.faces));
+            self.collapses.push(MergedCollapse { cost: highest, cluster, lost });
         }
     }
 
@@ -102,33 +105,33 @@ impl Notes {
     /// cluster has to find other ones for the rest where it is not.
     pub fn cut(mut self, excess: u64, spare: u64, cluster_count: usize) -> Quotas {
         // The sort is stable: equal costs stay in the order of clusters and collapses.
-        self.notes.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let mut chosen = Chosen { died: vec![0; cluster_count].into(), lost: 0 };
+        self.collapses.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let mut chosen = Chosen { lost: vec![0; cluster_count].into(), sum: 0 };
         let mut is_over: TiVec<ClusterId, bool> = vec![false; cluster_count].into();
-        let mut over: Option<&LoggedCollapse> = None;
-        for note in &self.notes {
-            if chosen.lost >= excess {
+        let mut over: Option<&MergedCollapse> = None;
+        for collapse in &self.collapses {
+            if chosen.sum >= excess {
                 break;
             }
-            if is_over[note.cluster] {
+            if is_over[collapse.cluster] {
                 continue;
             }
-            if chosen.lost_with(note) > excess + 1 {
-                is_over[note.cluster] = true;
-                over = over.filter(|over| over.died <= note.died).or(Some(note));
+            if chosen.sum_with(collapse) > excess + 1 {
+                is_over[collapse.cluster] = true;
+                over = over.filter(|over| chosen.gain(over) <= chosen.gain(collapse)).or(Some(collapse));
                 continue;
             }
-            chosen.add(note);
+            chosen.add(collapse);
         }
-        let over = over.filter(|_| chosen.lost < excess);
-        if let Some(note) = over.filter(|note| chosen.lost_with(note) <= excess + spare) {
-            chosen.add(note);
+        let over = over.filter(|_| chosen.sum < excess);
+        if let Some(collapse) = over.filter(|collapse| chosen.sum_with(collapse) <= excess + spare) {
+            chosen.add(collapse);
         }
-        let mut lost: TiVec<ClusterId, u64> = chosen.died.into_iter().map(lost_of).collect();
-        if let Some(note) = over {
-            lost[note.cluster] += excess.saturating_sub(chosen.lost);
+        let Chosen { mut lost, sum } = chosen;
+        if let Some(collapse) = over {
+            lost[collapse.cluster] += excess.saturating_sub(sum);
         }
-        Quotas { lost, is_enough: chosen.lost >= excess }
+        Quotas { lost, is_enough: sum >= excess }
     }
 }
 
@@ -143,27 +146,26 @@ pub struct Quotas {
 
 /// The collapses chosen so far.
 struct Chosen {
-    /// Faces removed in each cluster, less those that closed holes.
-    died: TiVec<ClusterId, i64>,
+    /// Faces that each cluster loses.
+    lost: TiVec<ClusterId, u64>,
     /// Faces that all clusters lose.
-    lost: u64,
+    sum: u64,
 }
 
 impl Chosen {
-    fn lost_with(&self, note: &LoggedCollapse) -> u64 {
-        let before = self.died[note.cluster];
-        self.lost + lost_of(before + i64::from(note.died)) - lost_of(before)
+    /// Faces that go with a further collapse.
+    fn gain(&self, collapse: &MergedCollapse) -> u64 {
+        collapse.lost.saturating_sub(self.lost[collapse.cluster])
     }
 
-    fn add(&mut self, note: &LoggedCollapse) {
-        self.lost = self.lost_with(note);
-        self.died[note.cluster] += i64::from(note.died);
+    fn sum_with(&self, collapse: &MergedCollapse) -> u64 {
+        self.sum - self.lost[collapse.cluster] + collapse.lost
     }
-}
 
-/// Faces that a cluster loses: one that gets no fewer is not simplified, and closes no holes.
-fn lost_of(died: i64) -> u64 {
-    died.max(0) as u64
+    fn add(&mut self, collapse: &MergedCollapse) {
+        self.sum = self.sum_with(collapse);
+        self.lost[collapse.cluster] = collapse.lost;
+    }
 }
 
 #[cfg(test)]
@@ -171,6 +173,16 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    /// Adds a cluster of 100 faces whose collapses have these costs and remove these numbers of faces.
+    fn log(merged: &mut MergedLog, cluster: u32, collapses: &[(f32, i32)]) {
+        let mut faces = 100;
+        let entry = |&(cost, died): &(f32, i32)| {
+            faces -= died;
+            LoggedCollapse { cost, faces: faces as u32 }
+        };
+        merged.add(ClusterId::new(cluster), 100, &collapses.iter().map(entry).collect::<Vec<_>>());
+    }
 
     #[test]
     fn equal_shares_add_up_and_take_faces_in_pairs() {
@@ -235,19 +247,19 @@ mod tests {
 
     #[test]
     fn the_cheapest_collapses_of_all_clusters_are_chosen() {
-        let mut notes = Notes::default();
-        notes.add(ClusterId::new(0), &[(1.0, 2), (5.0, 2), (4.0, 2)]);
-        notes.add(ClusterId::new(1), &[(2.0, 2), (3.0, 1), (9.0, 2)]);
-        assert_eq!(notes.cut(5, 0, 2).lost.raw, [2, 3]);
+        let mut merged = MergedLog::default();
+        log(&mut merged, 0, &[(1.0, 2), (5.0, 2), (4.0, 2)]);
+        log(&mut merged, 1, &[(2.0, 2), (3.0, 1), (9.0, 2)]);
+        assert_eq!(merged.cut(5, 0, 2).lost.raw, [2, 3]);
     }
 
     #[test]
     fn a_collapse_of_too_many_faces_makes_way_for_others() {
         let cut = |excess, second: &[(f32, i32)]| {
-            let mut notes = Notes::default();
-            notes.add(ClusterId::new(0), &[(1.0, 2), (2.0, 4), (3.0, 1)]);
-            notes.add(ClusterId::new(1), second);
-            let quotas = notes.cut(excess, 0, 2);
+            let mut merged = MergedLog::default();
+            log(&mut merged, 0, &[(1.0, 2), (2.0, 4), (3.0, 1)]);
+            log(&mut merged, 1, second);
+            let quotas = merged.cut(excess, 0, 2);
             (quotas.lost.raw, quotas.is_enough)
         };
         assert_eq!(cut(3, &[(4.0, 2), (5.0, 2)]), (vec![2, 2], true));
@@ -262,10 +274,10 @@ mod tests {
     #[test]
     fn one_collapse_may_remove_a_few_faces_too_many_where_no_other_is_left() {
         let cut = |excess, spare| {
-            let mut notes = Notes::default();
-            notes.add(ClusterId::new(0), &[(1.0, 6), (2.0, 2)]);
-            notes.add(ClusterId::new(1), &[(1.5, 2), (2.5, 4)]);
-            let quotas = notes.cut(excess, spare, 2);
+            let mut merged = MergedLog::default();
+            log(&mut merged, 0, &[(1.0, 6), (2.0, 2)]);
+            log(&mut merged, 1, &[(1.5, 2), (2.5, 4)]);
+            let quotas = merged.cut(excess, spare, 2);
             (quotas.lost.raw, quotas.is_enough)
         };
         assert_eq!(cut(3, 2), (vec![0, 3], false));
@@ -276,10 +288,10 @@ mod tests {
     #[test]
     fn faces_that_close_holes_count_only_where_a_cluster_is_simplified() {
         let cut = |excess| {
-            let mut notes = Notes::default();
-            notes.add(ClusterId::new(0), &[(1.0, -3), (2.0, 2), (3.0, 2)]);
-            notes.add(ClusterId::new(1), &[(1.5, 2), (2.5, 2)]);
-            notes.cut(excess, 0, 2).lost.raw
+            let mut merged = MergedLog::default();
+            log(&mut merged, 0, &[(1.0, -3), (2.0, 2), (3.0, 2)]);
+            log(&mut merged, 1, &[(1.5, 2), (2.5, 2)]);
+            merged.cut(excess, 0, 2).lost.raw
         };
         assert_eq!(cut(4), [0, 4]);
         assert_eq!(cut(5), [1, 4]);
@@ -287,9 +299,9 @@ mod tests {
 
     #[test]
     fn a_cheap_collapse_after_a_dear_one_waits_for_it() {
-        let mut notes = Notes::default();
-        notes.add(ClusterId::new(0), &[(5.0, 2), (1.0, 2)]);
-        notes.add(ClusterId::new(1), &[(2.0, 2)]);
-        assert_eq!(notes.cut(2, 0, 2).lost.raw, [0, 2]);
+        let mut merged = MergedLog::default();
+        log(&mut merged, 0, &[(5.0, 2), (1.0, 2)]);
+        log(&mut merged, 1, &[(2.0, 2)]);
+        assert_eq!(merged.cut(2, 0, 2).lost.raw, [0, 2]);
     }
 }

@@ -18,7 +18,7 @@ use super::proposal::{Bid, Proposal};
 use super::refusal::Refusal;
 use super::relocate::Relocator;
 use super::rips::Rips;
-use super::stage::{Milestone, StageResult, Stop};
+use super::stage::{LoggedCollapse, Milestone, StageResult, Stop};
 use super::witness::Witnesses;
 use crate::base::id::TiVec;
 use crate::cost::mesh_stats::MeshStats;
@@ -95,11 +95,8 @@ pub struct Engine<M> {
     pub milestones: Vec<Milestone>,
     /// Number of vertices on seams at the start of the last stage.
     pub seam_vertices: u64,
-    /// Cost of every collapse and the faces that went with it, less those that closed holes before it; `None` to record
-    /// nothing.
-    pub log: Option<Vec<(f32, i32)>>,
-    /// Faces that closed holes since the last collapse.
-    new_faces: i32,
+    /// All collapses in their order; `None` to record nothing.
+    pub log: Option<Vec<LoggedCollapse>>,
     /// Whether seam vertices are locked.
     pub lock_seams: bool,
     /// Whether border vertices are locked.
@@ -157,7 +154,6 @@ impl<M: Metric> Engine<M> {
             milestones: Vec::new(),
             seam_vertices: 0,
             log: None,
-            new_faces: 0,
             lock_seams: false,
             lock_borders: false,
             welds: false,
@@ -186,18 +182,20 @@ impl<M: Metric> Engine<M> {
     /// Runs one stage. If a number of faces cannot be reached otherwise, and the topology may change, cuts handles and
     /// continues; then, if it [may](Engine::forces_target), forces the target.
     pub fn run(&mut self, stop: Stop) -> StageResult {
-        let mut result = self.run_once(stop);
-        let may_cut = matches!(stop, Stop::Faces(_)) && self.cuts_handles();
-        while may_cut && !result.reached && self.cut_shortest_handles() {
-            result = self.run_on(stop, result);
+        if !matches!(stop, Stop::Faces(_)) || !self.cuts_handles() {
+            return self.run_once(stop);
         }
-        if may_cut && !result.reached && self.forces_target { self.force(stop, result) } else { result }
+        let result = self.run_and_cut(stop);
+        if self.forces_target && !result.reached { self.force(stop, result) } else { result }
     }
 
-    /// Continues a stage that ended with `result`. Returns the result of the whole.
-    fn run_on(&mut self, stop: Stop, result: StageResult) -> StageResult {
-        let again = self.run_once(stop);
-        StageResult { cost: result.cost.max(again.cost), ..again }
+    /// Runs one stage; cuts handles and continues until the stop is reached or no handle is left.
+    fn run_and_cut(&mut self, stop: Stop) -> StageResult {
+        let mut result = self.run_once(stop);
+        while !result.reached && self.cut_shortest_handles() {
+            result = result.then(self.run_once(stop));
+        }
+        result
     }
 
     fn run_once(&mut self, stop: Stop) -> StageResult {

@@ -35,4 +35,4 @@ pub mod witness;
 pub use anchor::Anchor;
 pub use changes::Changes;
 pub use engine::Engine;
-pub use stage::{Milestone, StageResult, Stop};
+pub use stage::{LoggedCollapse, Milestone, StageResult, Stop};

@@ -18,6 +18,22 @@ pub struct StageResult {
     pub reached: bool,
 }
 
+impl StageResult {
+    /// The result of a stage that was continued, with `next` as the result of the rest.
+    pub fn then(self, next: Self) -> Self {
+        Self { cost: self.cost.max(next.cost), ..next }
+    }
+}
+
+/// A collapse in the log of a stage.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct LoggedCollapse {
+    /// Its cost.
+    pub cost: f32,
+    /// Faces left after it.
+    pub faces: u32,
+}
+
 /// State of a cluster at the end of a stage.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Milestone {

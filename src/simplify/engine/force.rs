@@ -33,10 +33,7 @@ impl<M: Metric> Engine<M> {
         let mut forced = result;
         while let Some(weaker) = self.collapser.shape_rule().weaker() {
             self.collapser.set_shape_rule(weaker);
-            forced = self.run_on(stop, forced);
-            while !forced.reached && self.cut_shortest_handles() {
-                forced = self.run_on(stop, forced);
-            }
+            forced = forced.then(self.run_and_cut(stop));
             if forced.reached {
                 return forced;
             }

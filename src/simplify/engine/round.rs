@@ -11,7 +11,7 @@ use crate::simplify::collapse::Collapse;
 use crate::simplify::edge_star::VanishingFan;
 use crate::simplify::proposal::{Bid, Proposal};
 use crate::simplify::shape_rule::ShapeRule;
-use crate::simplify::stage::{StageResult, Stop};
+use crate::simplify::stage::{LoggedCollapse, StageResult, Stop};
 use crate::simplify::witness::area_of;
 
 /// Candidates tried for each collapse that a round aims at, because neighbours block each other.
@@ -186,9 +186,8 @@ impl<M: Metric> Engine<M> {
                 // `to` stays in the proposal: the witnesses follow it.
                 self.proposals[from].cost = f32::INFINITY;
                 result.cost = result.cost.max(cost);
-                let new_faces = std::mem::take(&mut self.new_faces);
                 if let Some(log) = &mut self.log {
-                    log.push((cost, died as i32 - new_faces));
+                    log.push(LoggedCollapse { cost, faces: self.mesh.face_count as u32 });
                 }
                 true
             }

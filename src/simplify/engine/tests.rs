@@ -229,5 +229,5 @@ fn one_by_one_each_round_is_the_cheapest_collapse() {
     heap.begin_stage();
     heap.judge_all();
     let least = heap.proposals.iter().map(|proposal| proposal.cost).fold(f32::INFINITY, f32::min);
-    assert_eq!(log[0].0, least);
+    assert_eq!(log[0].cost, least);
 }

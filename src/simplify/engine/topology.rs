@@ -29,11 +29,9 @@ impl<M: Metric> Engine<M> {
         }
         if self.closes_rips() {
             // The rings are outdated only at cut handles, none of which has a vertex on a border.
-            let faces = self.mesh.face_count;
-            let room = self.faces_before.saturating_sub(faces);
+            let room = self.faces_before.saturating_sub(self.mesh.face_count);
             let shut = caps::shut(&mut self.mesh, &self.rings, &self.classes, cost, room);
             self.changes.holes_closed += shut.count;
-            self.new_faces += (self.mesh.face_count - faces) as i32;
             changed.extend(shut.vertices);
         }
         self.follow_changes(&changed);
@@ -41,9 +39,6 @@ impl<M: Metric> Engine<M> {
 
     /// Cuts the shortest handles, and those of similar length. Returns whether any was cut.
     pub(super) fn cut_shortest_handles(&mut self) -> bool {
-        if !self.cuts_handles() {
-            return false;
-        }
         self.prepare();
         let mut handles = self.handles(f64::INFINITY);
         let Some(shortest_sq) = handles.first().map(|handle| handle.length_sq) else { return false };
