@@ -26,6 +26,7 @@ mod remains;
 pub mod refusal;
 mod rips;
 mod relocate;
+mod retreat;
 pub mod shape_rule;
 mod stage;
 pub mod texture;

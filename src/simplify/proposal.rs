@@ -52,6 +52,9 @@ impl Proposal {
 pub struct Bid(u64);
 
 impl Bid {
+    /// Below all others.
+    pub const LOWEST: Self = Self(0);
+
     /// A vertex with a cost.
     #[inline(always)]
     pub fn new(cost: f32, vertex: LocalVertex) -> Self {

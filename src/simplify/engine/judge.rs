@@ -7,6 +7,7 @@ use crate::mesh::edge::EdgeKind;
 use crate::mesh::id::{Corner, Edge, End, LocalVertex, WedgePair};
 use crate::simplify::proposal::{Bid, EdgeAt, Proposal, all_edges_at, chain_edges_at};
 use crate::simplify::refusal::Refusal;
+use crate::simplify::retreat::retreat_cost;
 use crate::simplify::texture::insets;
 
 impl<M: Metric> Engine<M> {
@@ -62,7 +63,8 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    /// Finds the cheapest collapse of a vertex; if `after` is given, the cheapest one above this key.
+    /// Finds the cheapest collapse of a vertex. If `after` is given, finds the cheapest one above this key, at costs that
+    /// cover [how far the surface retreats](retreat_cost).
     pub(super) fn judge(&mut self, vertex: LocalVertex, after: Option<Bid>) {
         let mut best = Proposal { second_best: after.is_some(), ..Proposal::NONE };
         let take = |best: &mut Proposal, proposal: Proposal| {
@@ -93,14 +95,14 @@ impl<M: Metric> Engine<M> {
         } else if self.classes[vertex] == Class::Complex && self.may_vanish(vertex) {
             let mut spokes = std::mem::take(&mut self.spokes);
             all_edges_at(&self.mesh, &self.rings, vertex, &mut spokes, |edge| {
-                take(&mut best, self.propose(vertex, edge));
+                take(&mut best, self.fully_priced(vertex, self.propose(vertex, edge), after));
             });
             self.spokes = spokes;
         } else if self.may_vanish(vertex) {
             let mut spokes = std::mem::take(&mut self.spokes);
             let is_on_border = self.classes[vertex].is_border();
             chain_edges_at(&self.mesh, &self.rings, vertex, is_on_border, &mut spokes, |edge| {
-                take(&mut best, self.propose(vertex, edge));
+                take(&mut best, self.fully_priced(vertex, self.propose(vertex, edge), after));
             });
             self.spokes = spokes;
         }
@@ -108,6 +110,16 @@ impl<M: Metric> Engine<M> {
             take(&mut best, proposal);
         }
         self.proposals[vertex] = best;
+    }
+
+    /// A proposal at a cost that covers how far the surface retreats, if `after` is given.
+    fn fully_priced(&self, from: LocalVertex, proposal: Proposal, after: Option<Bid>) -> Proposal {
+        let Proposal { to, cost, .. } = proposal;
+        if after.is_none() || !M::ENDPOINTS || !cost.is_finite() {
+            return proposal;
+        }
+        let retreat = retreat_cost(&self.mesh, &self.rings, Edge { from, to }, cost);
+        Proposal { cost: cost.max(retreat), ..proposal }
     }
 
     /// Proposal to collapse an edge from a smooth vertex.
@@ -136,7 +148,11 @@ impl<M: Metric> Engine<M> {
                 count += 1;
             }
             for (end, cost) in ends.iter().zip(cost.costs_onto(mesh, own, &ends)).take(count) {
-                let bid = Bid::new(cost, end.vertex);
+                let mut bid = Bid::new(cost, end.vertex);
+                if after.is_some() && bid < best {
+                    let edge = Edge { from, to: end.vertex };
+                    bid = Bid::new(cost.max(retreat_cost(mesh, rings, edge, cost)), end.vertex);
+                }
                 if bid < best && after.is_none_or(|after| bid > after) {
                     best = bid;
                 }

@@ -10,6 +10,7 @@ use crate::mesh::id::{Edge, LocalVertex};
 use crate::simplify::collapse::Collapse;
 use crate::simplify::edge_star::VanishingFan;
 use crate::simplify::proposal::{Bid, Proposal};
+use crate::simplify::retreat::retreat_cost;
 use crate::simplify::shape_rule::ShapeRule;
 use crate::simplify::stage::{LoggedCollapse, StageResult, Stop};
 use crate::simplify::witness::area_of;
@@ -152,6 +153,10 @@ impl<M: Metric> Engine<M> {
             self.proposals[from] = Proposal { second_best: true, ..Proposal::NONE };
             return false;
         }
+        // NOTE: the costs of the papers' metrics have other units. Where borders are welded, the surface grows.
+        if M::ENDPOINTS && !fan.is_alone && !is_rip && self.costs_more(from) {
+            return false;
+        }
         let inset = self.inset(to, chain);
         let area = if fan.is_alone { area_of(self.mesh.triangle(self.rings.of(from)[0].face())) } else { 0.0 };
         // NOTE: the papers' metrics have no check against faces that span empty space; an infinite price disables it.
@@ -198,5 +203,17 @@ impl<M: Metric> Engine<M> {
                 false
             }
         }
+    }
+
+    /// Replaces a proposal that does not cover how far the surface would retreat by the cheapest one that does. Returns
+    /// whether it did.
+    fn costs_more(&mut self, from: LocalVertex) -> bool {
+        let Proposal { to, cost, .. } = self.proposals[from];
+        let is_covered = retreat_cost(&self.mesh, &self.rings, Edge { from, to }, cost) <= cost;
+        if !is_covered {
+            self.refused.push(from);
+            self.judge(from, Some(Bid::LOWEST));
+        }
+        !is_covered
     }
 }

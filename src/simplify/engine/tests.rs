@@ -54,6 +54,46 @@ fn no_face_of_a_flat_mesh_turns_over() {
     }
 }
 
+/// Adds a mast of 0.1 × 0.1 × `height`, closed at the top, with a ring of vertices every 0.25.
+fn add_mast(mesh: &mut ClusterMesh, height: u32) {
+    let first = mesh.positions.len() as u32;
+    for ring in 0..=4 * height {
+        for [x, y] in [[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]] {
+            // Slightly bent, so that no ring may vanish at no cost.
+            let bend = 0.01 * f64::from(ring * ring % 7);
+            let vertex = mesh.push_vertex(DVec3::new(5.0 + x + bend, 5.0 + y, 0.25 * f64::from(ring)), 0);
+            mesh.push_wedge(vertex, DVec2::ZERO);
+        }
+    }
+    let mut faces = Vec::new();
+    for ring in 0..4 * height {
+        for side in 0..4 {
+            let [a, b] = [side, (side + 1) % 4].map(|k| first + 4 * ring + k);
+            faces.extend([[a, b, b + 4], [a, b + 4, a + 4]]);
+        }
+    }
+    let top = first + 16 * height;
+    faces.extend([[top, top + 1, top + 2], [top, top + 2, top + 3]]);
+    samples::add_faces(mesh, &faces);
+    mesh.link_wedges();
+}
+
+#[test]
+fn a_mast_does_not_vanish_step_by_step() {
+    for height in [2, 5, 10] {
+        let mut mesh = samples::grid(30, 0.5);
+        add_mast(&mut mesh, height);
+        let mut engine = Engine::<SurfaceCost>::new(mesh, &Weights::default());
+        for faces in [1200, 600, 300, 150] {
+            engine.run(Stop::Faces(faces));
+        }
+        let mesh = engine.finish();
+        let used = mesh.face_ids().flat_map(|face| mesh.triangle(face));
+        let top = used.map(|position| position.z).fold(0.0, f64::max);
+        assert!(top > 0.9 * f64::from(height), "{top} of {height}");
+    }
+}
+
 #[test]
 fn the_face_target_is_hit() {
     let (mesh, result) = simplified(samples::grid(40, 0.5), 801);

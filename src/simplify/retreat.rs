@@ -1,0 +1,90 @@
+//! How far the surface retreats from a vertex that collapses.
+//!
+//! Quadrics measure how far the remaining vertex is from the planes around the vanishing one. The tip of a mast lies in
+//! all the planes of the mast, wherever it slides: it would vanish step by step at no cost.
+//!
+//! ```text
+//!        from                             A·d²: d from `from` to the new surface, A the area around `from`
+//!     .--*--.            ┬
+//!     |  |  |            | d
+//!     |  * to ──▶  .--*--.
+//!     |  |  |      |  |  |
+//! ```
+
+use crate::geometry::distance_sq;
+use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::{Edge, LocalVertex};
+use crate::mesh::ring::Rings;
+use crate::simplify::witness::area_of;
+
+/// Squared distance, relative to the squared length of the edge, below which the surface counts as flat.
+const FLAT_SQ: f64 = 1e-12;
+
+/// What a collapse onto a vertex that stays where it is must cost at least: area × squared distance. 0 if that is not
+/// more than `cost`.
+pub fn retreat_cost(mesh: &ClusterMesh, rings: &Rings, Edge { from, to }: Edge, cost: f32) -> f32 {
+    let (vanishing, remaining) = (mesh.positions[from], mesh.positions[to]);
+    let area: f64 = rings.faces(mesh, from).map(|face| area_of(mesh.triangle(face))).sum();
+    let mut nearest_sq = vanishing.distance_squared(remaining);
+    let near_sq = (f64::from(cost) / area).max(FLAT_SQ * nearest_sq);
+    for [vertex, other] in [[from, to], [to, from]] {
+        for ends in ends_around(mesh, rings, vertex) {
+            if nearest_sq <= near_sq {
+                return 0.0;
+            }
+            if !ends.contains(&other) {
+                let [a, b] = ends.map(|end| mesh.positions[end]);
+                nearest_sq = nearest_sq.min(distance_sq(vanishing, [remaining, a, b]));
+            }
+        }
+    }
+    if nearest_sq <= near_sq { 0.0 } else { (area * nearest_sq) as f32 }
+}
+
+/// The two other vertices of each face of a vertex.
+fn ends_around<'a>(
+    mesh: &'a ClusterMesh,
+    rings: &'a Rings,
+    vertex: LocalVertex,
+) -> impl Iterator<Item = [LocalVertex; 2]> + 'a {
+    rings.living(mesh, vertex).map(|corner| mesh.others_of(corner))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec2, DVec3};
+
+    use super::*;
+    use crate::mesh::cluster::samples;
+    use crate::mesh::id::short::v;
+
+    fn cost_of(mesh: &ClusterMesh, from: u32, to: u32, cost: f32) -> f32 {
+        let mut rings = Rings::default();
+        rings.build(mesh);
+        retreat_cost(mesh, &rings, Edge { from: v(from), to: v(to) }, cost)
+    }
+
+    #[test]
+    fn a_plane_does_not_retreat() {
+        let mesh = samples::grid(6, 0.0);
+        for to in [23, 25, 17, 31] {
+            assert_eq!(cost_of(&mesh, 24, to, 0.0), 0.0);
+        }
+    }
+
+    #[test]
+    fn a_tip_retreats_by_the_length_of_the_edge() {
+        // A pyramid without a base: its tip collapses onto a corner; what is left is a flat square.
+        let base = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
+        let tip = DVec3::new(0.5, 0.5, 3.0);
+        let vertices = base.into_iter().chain([tip]).map(|position| (position, DVec2::ZERO));
+        let mesh = samples::mesh_of(vertices, &[[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]);
+        let area = 4.0 * 0.5 * (3.0f32 * 3.0 + 0.25).sqrt();
+        let expected = area * 9.0;
+        assert!((cost_of(&mesh, 4, 0, 0.0) - expected).abs() < 1e-4 * expected);
+        assert!(cost_of(&mesh, 4, 0, 0.99 * expected) > 0.0);
+        assert_eq!(cost_of(&mesh, 4, 0, 1.01 * expected), 0.0);
+        // Tried again at this cost, it stands.
+        assert!(cost_of(&mesh, 4, 0, cost_of(&mesh, 4, 0, 0.0)) <= expected * 1.001);
+    }
+}
