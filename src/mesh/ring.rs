@@ -113,6 +113,16 @@ impl Rings {
         self.of(vertex).iter().copied().filter(|&corner| mesh.living(corner).is_some())
     }
 
+    /// The edges of the link of a vertex: the other two vertices of each living face, counter-clockwise. Around an inner
+    /// vertex every neighbour comes first once, together with the vertex that follows it.
+    pub fn link_edges<'a>(
+        &'a self,
+        mesh: &'a ClusterMesh,
+        vertex: LocalVertex,
+    ) -> impl Iterator<Item = [LocalVertex; 2]> + 'a {
+        self.living(mesh, vertex).map(|corner| mesh.others_of(corner))
+    }
+
     /// Living faces around a vertex, ascending.
     #[inline]
     pub fn faces<'a>(

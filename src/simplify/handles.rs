@@ -48,7 +48,7 @@ pub fn find(
     for a in mesh.vertex_ids().filter(|&v| is_inside(v)) {
         // Each path is found from its lowest vertex.
         ends.clear();
-        for [b, follower] in edges_at(mesh, rings, a) {
+        for [b, follower] in rings.link_edges(mesh, a) {
             if b > a && length_sq(a, b) <= most_sq && is_inside(b) {
                 ends.push(b);
                 around[b] = [a, follower];
@@ -58,7 +58,7 @@ pub fn find(
             continue;
         }
         for &b in &ends {
-            for [c, _] in edges_at(mesh, rings, b) {
+            for [c, _] in rings.link_edges(mesh, b) {
                 let is_face = || around[b][1] == c || around[c][1] == b;
                 if c > b && around[c][0] == a && !is_face() {
                     let longest = length_sq(a, b).max(length_sq(b, c)).max(length_sq(c, a));
@@ -71,16 +71,6 @@ pub fn find(
     }
     found.sort_by(|a, b| a.length_sq.total_cmp(&b.length_sq).then(a.vertices.cmp(&b.vertices)));
     found
-}
-
-/// The other two vertices of each face around a vertex, counter-clockwise. Around an inner vertex every neighbour comes
-/// first once, together with the vertex that follows it.
-fn edges_at<'a>(
-    mesh: &'a ClusterMesh,
-    rings: &'a Rings,
-    vertex: LocalVertex,
-) -> impl Iterator<Item = [LocalVertex; 2]> + 'a {
-    rings.living(mesh, vertex).map(|corner| mesh.others_of(corner))
 }
 
 /// Cuts handles, except those that share a vertex with one cut before. Returns the vertices whose classes have changed;

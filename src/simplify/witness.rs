@@ -43,7 +43,7 @@ impl Witnesses {
         let is_sampled =
             |vertex: &LocalVertex| (vertex.number().wrapping_mul(0x9e37_79b9) >> 16).is_multiple_of(SAMPLED);
         for vertex in mesh.vertex_ids().filter(is_sampled) {
-            let area: f64 = rings.faces(mesh, vertex).map(|face| area_of(mesh.triangle(face))).sum();
+            let area = area_around(mesh, rings, vertex);
             if area > 0.0 {
                 self.witnesses.push(Witness { vertex, area, position: mesh.positions[vertex] });
             }
@@ -72,6 +72,11 @@ impl Witnesses {
         }
         if total > 0.0 { SURFACE_SHARE * sum / total } else { 0.0 }
     }
+}
+
+/// Area of the faces around a vertex.
+pub(super) fn area_around(mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) -> f64 {
+    rings.faces(mesh, vertex).map(|face| area_of(mesh.triangle(face))).sum()
 }
 
 /// Area of a triangle.

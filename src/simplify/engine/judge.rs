@@ -7,7 +7,7 @@ use crate::mesh::edge::EdgeKind;
 use crate::mesh::id::{Corner, Edge, End, LocalVertex, WedgePair};
 use crate::simplify::proposal::{Bid, EdgeAt, Proposal, all_edges_at, chain_edges_at};
 use crate::simplify::refusal::Refusal;
-use crate::simplify::retreat::retreat_cost;
+use crate::simplify::retreat::cost_with_retreat;
 use crate::simplify::texture::insets;
 
 impl<M: Metric> Engine<M> {
@@ -64,7 +64,7 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Finds the cheapest collapse of a vertex. If `after` is given, finds the cheapest one above this key, at costs that
-    /// cover [how far the surface retreats](retreat_cost).
+    /// cover [how far the surface retreats](cost_with_retreat).
     pub(super) fn judge(&mut self, vertex: LocalVertex, after: Option<Bid>) {
         let mut best = Proposal { second_best: after.is_some(), ..Proposal::NONE };
         let take = |best: &mut Proposal, proposal: Proposal| {
@@ -118,8 +118,7 @@ impl<M: Metric> Engine<M> {
         if after.is_none() || !M::ENDPOINTS || !cost.is_finite() {
             return proposal;
         }
-        let retreat = retreat_cost(&self.mesh, &self.rings, Edge { from, to }, cost);
-        Proposal { cost: cost.max(retreat), ..proposal }
+        Proposal { cost: cost_with_retreat(&self.mesh, &self.rings, Edge { from, to }, cost), ..proposal }
     }
 
     /// Proposal to collapse an edge from a smooth vertex.
@@ -151,7 +150,7 @@ impl<M: Metric> Engine<M> {
                 let mut bid = Bid::new(cost, end.vertex);
                 if after.is_some() && bid < best {
                     let edge = Edge { from, to: end.vertex };
-                    bid = Bid::new(cost.max(retreat_cost(mesh, rings, edge, cost)), end.vertex);
+                    bid = Bid::new(cost_with_retreat(mesh, rings, edge, cost), end.vertex);
                 }
                 if bid < best && after.is_none_or(|after| bid > after) {
                     best = bid;

@@ -10,7 +10,7 @@ use crate::mesh::id::{Edge, LocalVertex};
 use crate::simplify::collapse::Collapse;
 use crate::simplify::edge_star::VanishingFan;
 use crate::simplify::proposal::{Bid, Proposal};
-use crate::simplify::retreat::retreat_cost;
+use crate::simplify::retreat::cost_with_retreat;
 use crate::simplify::shape_rule::ShapeRule;
 use crate::simplify::stage::{LoggedCollapse, StageResult, Stop};
 use crate::simplify::witness::area_of;
@@ -153,7 +153,7 @@ impl<M: Metric> Engine<M> {
             self.proposals[from] = Proposal { second_best: true, ..Proposal::NONE };
             return false;
         }
-        // NOTE: the costs of the papers' metrics have other units. Where borders are welded, the surface grows.
+        // NOTE: the papers' metrics have costs of other units. Last triangles and welds have prices of their own.
         if M::ENDPOINTS && !fan.is_alone && !is_rip && self.costs_more(from) {
             return false;
         }
@@ -209,7 +209,7 @@ impl<M: Metric> Engine<M> {
     /// whether it did.
     fn costs_more(&mut self, from: LocalVertex) -> bool {
         let Proposal { to, cost, .. } = self.proposals[from];
-        let is_covered = retreat_cost(&self.mesh, &self.rings, Edge { from, to }, cost) <= cost;
+        let is_covered = cost_with_retreat(&self.mesh, &self.rings, Edge { from, to }, cost) <= cost;
         if !is_covered {
             self.refused.push(from);
             self.judge(from, Some(Bid::LOWEST));
