@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use super::triangle_change::Change;
 use crate::mesh::cluster::ClusterMesh;
-use crate::mesh::fold::are_nearly_folded;
+use crate::mesh::fold::{are_folded, are_nearly_folded};
 use crate::mesh::id::{Corner, FaceId, LocalVertex};
 use crate::mesh::ring::Rings;
 
@@ -102,8 +102,8 @@ impl FoldCheck {
     }
 
     /// Whether two faces that share an edge become folded onto each other once the moving vertices are at `position`
-    /// and the `dying` faces are gone. Pairs that are folded already do not count. All changing faces must have been
-    /// [pushed](FoldCheck::push). If one vertex at `position` stays as it is, `anchor` holds this vertex and the
+    /// and the `dying` faces are gone. Pairs that are folded as much already do not count. All changing faces must have
+    /// been [pushed](FoldCheck::push). If one vertex at `position` stays as it is, `anchor` holds this vertex and the
     /// vertices that are neighbours of both ends.
     pub(super) fn finds(
         &mut self,
@@ -146,7 +146,7 @@ fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVe
     }
     let Some(third) = across else { return false };
     let [p, q, third, from] = [a, b, third, mesh.vertex_of(one.corner)].map(|v| mesh.positions[v]);
-    are_nearly_folded([p, q], [position, third]) && !are_nearly_folded([p, q], [from, third])
+    become_folded([[p, q]; 2], [[from, third], [position, third]])
 }
 
 /// Whether a face folds onto an unchanged face, at an edge from the `anchor` to a vertex in `common`.
@@ -202,6 +202,15 @@ fn fold_at_edge(mesh: &ClusterMesh, [one, other]: [&Joined; 2], [i, j]: [usize; 
     let [from, from_other] = [one, other].map(|joined| mesh.vertex_of(joined.corner));
     let [before, ridge, first, last] =
         [from, one.ends[i], one.ends[1 - i], other.ends[1 - j]].map(|v| mesh.positions[v]);
-    are_nearly_folded([position, ridge], [first, last])
-        && !(from == from_other && are_nearly_folded([before, ridge], [first, last]))
+    if from != from_other {
+        return are_nearly_folded([position, ridge], [first, last]);
+    }
+    become_folded([[before, ridge], [position, ridge]], [[first, last]; 2])
+}
+
+/// Whether two faces become nearly folded, or folded; each is given by its edge and third corners before and after.
+fn become_folded(edges: [[DVec3; 2]; 2], thirds: [[DVec3; 2]; 2]) -> bool {
+    let [before, after] = [0, 1].map(|i| (edges[i], thirds[i]));
+    let becomes = |is_so: fn([DVec3; 2], [DVec3; 2]) -> bool| is_so(after.0, after.1) && !is_so(before.0, before.1);
+    becomes(are_nearly_folded) || becomes(are_folded)
 }

@@ -24,31 +24,18 @@ const FACING_MIN: f32 = 0.0;
 /// Largest number of faces of a vertex that is paired: each compares all pairs of its faces.
 pub const FACES_MAX: usize = 32;
 
-/// The partner of a border vertex.
-#[derive(Debug, Clone, Copy)]
-pub struct Partner {
-    /// The nearest vertex of another border.
-    pub partner: LocalVertex,
-    /// Distance to it, relative to the shortest border edge at the border vertex.
-    pub closeness: f32,
-}
-
-impl Partner {
-    const NONE: Self = Self { partner: LocalVertex::NONE, closeness: 1.0 };
-}
-
 /// Border vertices, each with the nearest one of another border, or of another part of its own.
 #[derive(Debug, Default)]
 pub struct Rips {
-    /// Pair of each vertex; empty if there is no border.
-    pairs: TiVec<LocalVertex, Partner>,
+    /// Partner of each vertex; empty if there is no border.
+    partners: TiVec<LocalVertex, LocalVertex>,
 }
 
 impl Rips {
     /// Pairs the border vertices of a mesh without dead faces, over at most the length of their shortest border edge.
     /// Builds a tree over them: O(n log n).
     pub fn pair(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &Classes) {
-        self.pairs.clear();
+        self.partners.clear();
         let may_border = |v: &LocalVertex| classes[*v].may_border();
         let mut spokes = Vec::new();
         let mut rims = Vec::new();
@@ -58,7 +45,7 @@ impl Rips {
         if rims.is_empty() {
             return;
         }
-        self.pairs.resize(mesh.positions.len(), Partner::NONE);
+        self.partners.resize(mesh.positions.len(), LocalVertex::NONE);
         let place = |item: u32| mesh.positions[rims[item as usize].vertex];
         let tree = BoxTree::new(rims.len(), |item| Bounds::around([place(item)]));
         for rim in rims.iter().filter(|rim| !mesh.is_locked(rim.vertex)) {
@@ -78,47 +65,65 @@ impl Rips {
                 nearest = (distance_sq, other.vertex);
                 distance_sq
             });
-            if nearest.1 != LocalVertex::NONE {
-                let closeness = (nearest.0 / rim.reach_sq).sqrt() as f32;
-                self.pairs[rim.vertex] = Partner { partner: nearest.1, closeness };
-            }
+            self.partners[rim.vertex] = nearest.1;
         }
     }
 
     /// The vertices with a partner, ascending.
     pub fn vertices(&self) -> impl Iterator<Item = LocalVertex> + '_ {
-        self.pairs.keys().filter(|&vertex| self.pair_of(vertex).is_some())
+        self.partners.keys().filter(|&vertex| self.partner_of(vertex).is_some())
     }
 
-    /// The pair of a border vertex; `None` if it has no partner.
+    /// The vertex of another border that was nearest to a border vertex.
     #[inline]
-    pub fn pair_of(&self, vertex: LocalVertex) -> Option<Partner> {
-        self.pairs.get(vertex).copied().filter(|pair| pair.partner != LocalVertex::NONE)
+    pub fn partner_of(&self, vertex: LocalVertex) -> Option<LocalVertex> {
+        self.partners.get(vertex)?.some()
     }
 }
 
-/// Whether `accept` returns `true` for the other end of some border edge at a vertex.
-pub fn has_border_end(
-    mesh: &ClusterMesh,
-    rings: &Rings,
-    vertex: LocalVertex,
-    mut accept: impl FnMut(LocalVertex) -> bool,
-) -> bool {
+/// Distance between two vertices, relative to the shortest border edge at the first, at most 1.
+pub fn closeness(mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex, partner: LocalVertex) -> f32 {
+    let distance_sq = |other: LocalVertex| mesh.positions[vertex].distance_squared(mesh.positions[other]);
+    let reach_sq = border_ends(mesh, rings, vertex).map(distance_sq).fold(f64::INFINITY, f64::min);
+    (distance_sq(partner) / reach_sq).sqrt().min(1.0) as f32
+}
+
+/// The other ends of the border edges at a vertex; none if it has more than [`FACES_MAX`] faces.
+pub fn border_ends(mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) -> impl Iterator<Item = LocalVertex> {
     let corners = rings.of(vertex);
-    if corners.len() > FACES_MAX {
-        return false;
-    }
     // The next and the previous vertex in each face.
     let (mut ends, mut count) = ([[LocalVertex::NONE; 2]; FACES_MAX], 0);
-    for &corner in corners.iter().filter(|&&corner| mesh.living(corner).is_some()) {
-        ends[count] = mesh.others_of(corner);
-        count += 1;
+    let mut seen = [VertexFilter::default(); 2];
+    if corners.len() <= FACES_MAX {
+        for &corner in corners.iter().filter(|&&corner| mesh.living(corner).is_some()) {
+            ends[count] = mesh.others_of(corner);
+            seen.iter_mut().zip(ends[count]).for_each(|(filter, end)| filter.insert(end));
+            count += 1;
+        }
     }
-    let ends = &ends[..count];
-    ends.iter().any(|&[next, previous]| {
-        (ends.iter().all(|other| other[1] != next) && accept(next))
-            || (ends.iter().all(|other| other[0] != previous) && accept(previous))
+    (0..2 * count).filter_map(move |i| {
+        let (end, other) = (ends[i / 2][i % 2], 1 - i % 2);
+        let is_border = !seen[other].may_contain(end) || ends[..count].iter().all(|ends| ends[other] != end);
+        is_border.then_some(end)
     })
+}
+
+/// A set of vertices that may seem to contain others, too.
+///
+/// # Source
+/// Bloom, "Space/time trade-offs in hash coding with allowable errors", 1970; with one hash function.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct VertexFilter([u64; 4]);
+
+impl VertexFilter {
+    pub fn insert(&mut self, vertex: LocalVertex) {
+        self.0[vertex.index() / 64 % 4] |= 1 << (vertex.index() % 64);
+    }
+
+    /// Whether a vertex is in the set, or seems to be.
+    pub fn may_contain(&self, vertex: LocalVertex) -> bool {
+        self.0[vertex.index() / 64 % 4] >> (vertex.index() % 64) & 1 == 1
+    }
 }
 
 /// A border at one of its vertices.
@@ -163,5 +168,53 @@ impl Rim {
     /// Whether the surface continues beyond the other border: both have similar normals, and lie on opposite sides.
     fn faces(&self, other: &Self) -> bool {
         self.normal.dot(other.normal) > FACING_MIN && self.inwards.dot(other.inwards) < -FACING_MIN
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use glam::DVec2;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::mesh::cluster::samples::mesh_of;
+    use crate::mesh::id::short::v;
+
+    fn with_rings(mesh: ClusterMesh) -> (ClusterMesh, Rings) {
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        (mesh, rings)
+    }
+
+    #[test]
+    fn a_partner_is_as_close_as_the_shortest_border_edge_is_long() {
+        let places = [[0.0, 0.0], [4.0, 0.0], [0.0, 2.0], [-0.5, 0.0], [-9.0, 0.0]];
+        let vertices = places.map(|[x, y]| (DVec3::new(x, y, 0.0), DVec2::ZERO));
+        let (mesh, rings) = with_rings(mesh_of(vertices, &[[0, 1, 2]]));
+        assert_eq!(closeness(&mesh, &rings, v(0), v(3)), 0.25);
+        assert_eq!(closeness(&mesh, &rings, v(0), v(4)), 1.0);
+    }
+
+    proptest! {
+        /// Vertices 256 numbers apart are one to a filter.
+        #[test]
+        fn a_border_edge_has_no_counterpart(
+            faces in prop::collection::vec([0u32..5, 0u32..5].prop_filter("two ends", |[a, b]| a != b), 0..FACES_MAX),
+        ) {
+            let number = |end: u32| 1 + end % 3 + 256 * (end / 3);
+            let faces: Vec<_> = faces.into_iter().map(|ends| ends.map(number)).collect();
+            let triangles: Vec<_> = faces.iter().map(|&[next, previous]| [0, next, previous]).collect();
+            let vertices = (0..300).map(|x| (DVec3::new(f64::from(x), f64::from(x * x % 7), 0.0), DVec2::ZERO));
+            let (mesh, rings) = with_rings(mesh_of(vertices, &triangles));
+            let expected: BTreeSet<_> = [0, 1]
+                .into_iter()
+                .flat_map(|side| faces.iter().map(move |ends| (ends[side], 1 - side)))
+                .filter(|&(end, other)| faces.iter().all(|ends| ends[other] != end))
+                .map(|(end, _)| v(end))
+                .collect();
+            prop_assert_eq!(border_ends(&mesh, &rings, v(0)).collect::<BTreeSet<_>>(), expected);
+        }
     }
 }

@@ -8,7 +8,7 @@ pub enum ShapeRule {
     Strict,
     /// Turn over, become a sliver, or span empty space.
     MayFold,
-    /// Span empty space, or lose all their area.
+    /// Span empty space, or lose all their area. Faces may also run along a common edge in the same direction.
     MayTurn,
 }
 

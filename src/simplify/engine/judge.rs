@@ -92,18 +92,21 @@ impl<M: Metric> Engine<M> {
                     take(&mut best, self.propose(vertex, &edge));
                 }
             }
-        } else if self.classes[vertex] == Class::Complex && self.may_vanish(vertex) {
-            let mut spokes = std::mem::take(&mut self.spokes);
-            all_edges_at(&self.mesh, &self.rings, vertex, &mut spokes, |edge| {
-                take(&mut best, self.fully_priced(vertex, self.propose(vertex, edge), after));
-            });
-            self.spokes = spokes;
         } else if self.may_vanish(vertex) {
             let mut spokes = std::mem::take(&mut self.spokes);
-            let is_on_border = self.classes[vertex].is_border();
-            chain_edges_at(&self.mesh, &self.rings, vertex, is_on_border, &mut spokes, |edge| {
-                take(&mut best, self.fully_priced(vertex, self.propose(vertex, edge), after));
-            });
+            let Self { mesh, rings, classes, .. } = &*self;
+            let offer = |edge: &EdgeAt| {
+                let proposal = self.propose(vertex, edge);
+                // The full price is never lower.
+                if proposal.key() < best.key() {
+                    take(&mut best, self.fully_priced(vertex, proposal, after));
+                }
+            };
+            if classes[vertex] == Class::Complex {
+                all_edges_at(mesh, rings, vertex, &mut spokes, offer);
+            } else {
+                chain_edges_at(mesh, rings, vertex, classes[vertex].is_border(), &mut spokes, offer);
+            }
             self.spokes = spokes;
         }
         if let Some(proposal) = self.propose_weld(vertex) {

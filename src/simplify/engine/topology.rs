@@ -6,7 +6,7 @@ use crate::mesh::class::Class;
 use crate::mesh::id::{FaceId, LocalVertex};
 use crate::simplify::loners::Loner;
 use crate::simplify::proposal::Proposal;
-use crate::simplify::rips::has_border_end;
+use crate::simplify::rips::{VertexFilter, border_ends, closeness};
 use crate::simplify::{caps, handles};
 
 /// Largest squared edge length of a handle that is cut, relative to the square root of the highest cost of a collapse.
@@ -121,8 +121,7 @@ impl<M: Metric> Engine<M> {
         if self.classes[vertex] == Class::Smooth {
             return None;
         }
-        let pair = self.rips.pair_of(vertex)?;
-        let to = self.followed(pair.partner);
+        let to = self.followed(self.rips.partner_of(vertex)?);
         // An isolated triangle has its own price.
         if self.is_held(vertex)
             || self.is_alone(vertex)
@@ -133,7 +132,8 @@ impl<M: Metric> Engine<M> {
             return None;
         }
         let case = EdgeCase { from: vertex, to, onto: true, stays: true, wedges: &[], insets: Default::default() };
-        let share = pair.closeness.max(CLOSING_SHARE);
+        let closeness = closeness(&self.mesh, &self.rings, vertex, to);
+        let share = (closeness * closeness.sqrt()).max(CLOSING_SHARE);
         Some(Proposal::onto(to, share * self.cost.place(&self.mesh, &case).cost as f32))
     }
 
@@ -141,7 +141,7 @@ impl<M: Metric> Engine<M> {
     pub(super) fn is_apart(&self, from: LocalVertex, to: LocalVertex) -> bool {
         let has_to = |face: FaceId| self.mesh.vertices(face).contains(&to);
         self.classes[from] != Class::Smooth
-            && self.rips.pair_of(from).is_some()
+            && self.rips.partner_of(from).is_some()
             && !self.rings.faces(&self.mesh, from).any(has_to)
     }
 
@@ -164,7 +164,11 @@ impl<M: Metric> Engine<M> {
             let third = LocalVertex::new(third);
             return third.index() < self.classes.len() && closes(third) && self.is_border_beside(from, [third, to]);
         }
-        has_border_end(&self.mesh, &self.rings, from, closes)
+        let mut beside = VertexFilter::default();
+        self.rings.living(&self.mesh, to).for_each(|corner| {
+            self.mesh.others_of(corner).into_iter().for_each(|neighbour| beside.insert(neighbour));
+        });
+        border_ends(&self.mesh, &self.rings, from).any(|third| beside.may_contain(third) && closes(third))
     }
 
     /// Whether `vertex` has a border edge to `end`, and no face with both `end` and `third`.

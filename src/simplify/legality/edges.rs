@@ -17,15 +17,16 @@ const FACES_MEETING_MAX: u32 = 8;
 impl Neighbour {
     /// Whether the edge stays legal. It may have no more faces than it had at either end, or two; or up to
     /// [`FACES_MEETING_MAX`] where surfaces `may_meet`. Two faces that become neighbours there must run along it in
-    /// opposite directions, now and in their input directions. The edge must not become a border.
-    fn is_plain(&self, may_meet: bool) -> bool {
+    /// opposite directions, now and in their input directions, unless faces `may_turn`. The edge must not become a
+    /// border.
+    fn is_plain(&self, may_meet: bool, may_turn: bool) -> bool {
         let [at_from, at_to] = self.before;
         let is_joined = at_from > 0 && at_to > 0 && self.after == 2;
         let opens = self.after == 1 && at_from != 1 && at_to != 1;
         let meets = may_meet && self.after <= FACES_MEETING_MAX;
         !opens
             && (self.after <= at_from.max(at_to).max(2) || meets)
-            && (!is_joined || (self.after_ahead == 1 && self.after_turned != 1))
+            && (!is_joined || may_turn || (self.after_ahead == 1 && self.after_turned != 1))
     }
 
     /// Increase in the number of edges of more than two faces.
@@ -75,6 +76,7 @@ impl EdgeStar {
             return Err(Refusal::Topology);
         }
         let at_edge = self.dying.len();
+        let may_turn = self.shape_rule == ShapeRule::MayTurn;
         self.count_neighbours(mesh, rings);
         let last_double = self.drop_doubles(mesh, rings);
         let is_dead = |face: &FaceId| self.dying.contains(face);
@@ -82,7 +84,7 @@ impl EdgeStar {
         // If only the two sides of a flat component are left, one of them stays.
         if let Some(double) = last_double.filter(|_| !stays) {
             self.dying.retain(|&face| face != double);
-        } else if !self.neighbours.iter().all(|neighbour| neighbour.is_plain(fan.spare_edges > 0)) {
+        } else if !self.neighbours.iter().all(|neighbour| neighbour.is_plain(fan.spare_edges > 0, may_turn)) {
             return Err(Refusal::Topology);
         } else if !stays && !fan.is_alone {
             return Err(Refusal::Piece);

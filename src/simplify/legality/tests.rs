@@ -8,7 +8,7 @@ use crate::base::chance::{mixed, unit};
 use crate::mesh::FaceId;
 use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::{flag, samples};
-use crate::mesh::fold::are_nearly_folded;
+use crate::mesh::fold::{are_folded, are_nearly_folded};
 use crate::mesh::id::short::{f, pair, v, w};
 
 //   4                       4 ........
@@ -361,14 +361,16 @@ fn no_two_faces_fold_onto_each_other() {
                 let &[a, b] = &ends[..] else { continue };
                 let third = |of: [LocalVertex; 3]| of.into_iter().find(|v| !ends.contains(v)).unwrap();
                 let thirds = [of_one, of_other].map(third);
-                let lie_on_each_other = are_nearly_folded([a, b].map(place), thirds.map(place));
+                let lie_on_each_other =
+                    [are_nearly_folded, are_folded].map(|is_so| is_so([a, b].map(place), thirds.map(place)));
                 let old_ends: Vec<LocalVertex> = faces[one].into_iter().filter(|v| faces[other].contains(v)).collect();
-                let did_before = old_ends.len() == 2 && {
+                let did_before = |is_so: fn([DVec3; 2], [DVec3; 2]) -> bool| {
                     let third = |face: FaceId| faces[face].into_iter().find(|v| !old_ends.contains(v)).unwrap();
                     let at = |v: LocalVertex| positions[v];
-                    are_nearly_folded([at(old_ends[0]), at(old_ends[1])], [one, other].map(third).map(at))
+                    old_ends.len() == 2 && is_so([at(old_ends[0]), at(old_ends[1])], [one, other].map(third).map(at))
                 };
-                let fold = lie_on_each_other && !did_before;
+                let [nearly, fully] = lie_on_each_other;
+                let fold = (nearly && !did_before(are_nearly_folded)) || (fully && !did_before(are_folded));
                 is_fold |= fold;
                 must_be_seen |= fold && (turns(one) || turns(other) || (moves(&one) && moves(&other)));
                 slow += usize::from(fold && survive && !turns(one) && !turns(other) && moves(&one) && moves(&other));

@@ -206,7 +206,7 @@ fn is_allowed(case: &Case, Beside { vertex, before: [at_from, at_to], left }: &B
     let is_full = left.len() > 2 && left.len() > *at_from && left.len() > *at_to;
     let may_be_full = case.fan.spare_edges > 0 && left.len() <= 8;
     let fits = match left[..] {
-        [one, other] if *at_from > 0 && *at_to > 0 => {
+        [one, other] if *at_from > 0 && *at_to > 0 && case.shape_rule != ShapeRule::MayTurn => {
             case.leads_on(one, [TO, *vertex]) != case.leads_on(other, [TO, *vertex])
                 && case.are_turned[one] == case.are_turned[other]
         }
