@@ -9,7 +9,6 @@ use drystone::passes::{PassOptions, SeamPolicy};
 use drystone::pipeline::simplify_in_passes;
 use drystone::read::{ScanOptions, scan};
 use drystone::remesh::cvd;
-use drystone::report::Changes;
 use glam::{DVec2, DVec3};
 use proptest::prelude::*;
 
@@ -170,7 +169,7 @@ fn soups() -> impl Strategy<Value = Sketch> {
 }
 
 /// Runs the passes and returns the mesh before and after.
-fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface, Changes) {
+fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
     // In memory where there is such a place: thousands of small jobs would wait for the disk.
     let folder = tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap();
     let input = folder.path().join("in.obj");
@@ -207,21 +206,19 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface, Changes) {
     let passes = simplify_in_passes(scanned.mesh.into(), &options, &scanned.catalogue, &job, &Silent).unwrap();
     let after = Surface::load(&passes.mesh, &scanned.catalogue).unwrap();
     assert_eq!(after.faces.len() as u64, passes.faces);
-    (before, after, passes.changes)
+    (before, after)
 }
 
 /// What is worse than before; a mesh that is not welded is counted as it is.
 fn news(sketch: &Sketch, choice: &Choice) -> Result<(), TestCaseError> {
-    let (before, after, changes) = run(sketch, choice);
+    let (before, after) = run(sketch, choice);
     // Clusters of some dozens of faces are mostly rims, where what remeshing put into edges stays.
     let may_grow = choice.remesh && choice.cluster_faces < 1000;
     prop_assert!(after.faces.len() <= before.faces.len() || may_grow);
     let count = if choice.weld { weld_and_check } else { check };
     let (was, now) = (count(&before).unwrap(), count(&after).unwrap());
-    // An edge that loses all but two of its faces is manifold, and may be left with two that run the same way. Where the
-    // target is forced, any two may, or lie on each other.
-    let is_forced = changes.faces_forced > 0;
-    let faulty = |check: &Check| check.non_manifold_edges + u64::from(!is_forced) * check.inconsistent_edges;
+    // An edge that loses all but two of its faces is manifold, and may be left with two that run the same way.
+    let faulty = |check: &Check| check.inconsistent_edges + check.non_manifold_edges;
     prop_assert!(faulty(&now) <= faulty(&was), "{was:?} {now:?}");
     let mut news = compare_checks(&was, &now);
     if !choice.frees_topology {
@@ -233,7 +230,6 @@ fn news(sketch: &Sketch, choice: &Choice) -> Result<(), TestCaseError> {
     let became_sound = faulty(&now) < faulty(&was) || now.non_manifold_edges < was.non_manifold_edges;
     let shows = |what: &str| what == "folded edges" || what == "folded texture triangles";
     news.retain(|regression| !shows(regression.what) || !became_sound);
-    news.retain(|regression| regression.what != "folded edges" || !is_forced);
     // Copies that are kept apart may leave each other along a straight border.
     news.retain(|regression| choice.weld || regression.what != "T-junctions");
     prop_assert!(news.is_empty(), "{}", news.iter().map(|n| n.to_string()).collect::<Vec<_>>().join("; "));
@@ -276,8 +272,7 @@ fn farthest(from: &Surface, to: &Surface) -> f64 {
 
 /// No point of either surface is farther from the other than the bound, but for the rounding of numbers.
 fn keeps_bound(sketch: &Sketch, choice: &Choice, most: f64) -> Result<(), TestCaseError> {
-    let (before, after, _) =
-        run(sketch, &Choice { max_error: Some(most), drop_pieces: false, remesh: false, ..*choice });
+    let (before, after) = run(sketch, &Choice { max_error: Some(most), drop_pieces: false, remesh: false, ..*choice });
     let (forward, backward) = (farthest(&before, &after), farthest(&after, &before));
     prop_assert!(forward <= most + 1e-12 && backward <= most + 1e-12, "{forward} {backward} > {most}");
     Ok(())
