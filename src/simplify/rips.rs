@@ -81,11 +81,12 @@ impl Rips {
     }
 }
 
-/// Distance between two vertices, relative to the shortest border edge at the first, at most 1.
+/// Distance between two vertices, relative to the shortest border edge at the first, at most 1; 1 if [`border_ends`]
+/// finds no such edge.
 pub fn closeness(mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex, partner: LocalVertex) -> f32 {
     let distance_sq = |other: LocalVertex| mesh.positions[vertex].distance_squared(mesh.positions[other]);
-    let reach_sq = border_ends(mesh, rings, vertex).map(distance_sq).fold(f64::INFINITY, f64::min);
-    (distance_sq(partner) / reach_sq).sqrt().min(1.0) as f32
+    let reach_sq = border_ends(mesh, rings, vertex).map(distance_sq).min_by(f64::total_cmp);
+    reach_sq.map_or(1.0, |reach_sq| (distance_sq(partner) / reach_sq).sqrt().min(1.0) as f32)
 }
 
 /// The other ends of the border edges at a vertex; none if it has more than [`FACES_MAX`] faces.
@@ -195,6 +196,14 @@ mod tests {
         let (mesh, rings) = with_rings(mesh_of(vertices, &[[0, 1, 2]]));
         assert_eq!(closeness(&mesh, &rings, v(0), v(3)), 0.25);
         assert_eq!(closeness(&mesh, &rings, v(0), v(4)), 1.0);
+    }
+
+    #[test]
+    fn a_vertex_without_border_edges_is_not_close() {
+        let places = [[0.0, 0.0], [4.0, 0.0], [0.0, 2.0], [-0.5, 0.0]];
+        let vertices = places.map(|[x, y]| (DVec3::new(x, y, 0.0), DVec2::ZERO));
+        let (mesh, rings) = with_rings(mesh_of(vertices, &[[0, 1, 2], [0, 2, 1]]));
+        assert_eq!(closeness(&mesh, &rings, v(0), v(3)), 1.0);
     }
 
     proptest! {
