@@ -15,6 +15,9 @@ const BOUNDED_LAST_SHARE: f64 = 0.02;
 const WALL_SHARE: f64 = 0.08;
 /// A pass that removes at most this share of the faces counts as stuck.
 const FLOOR_SHARE: f64 = 1e-4;
+/// So does one that removes at most this share of the faces above the target: it would take ever more passes to get
+/// there.
+const CLOSER_SHARE: f64 = 1.0 / 64.0;
 /// Remeshing passes for a target in cells, if there are several clusters.
 pub const CELL_PASSES: usize = 3;
 
@@ -54,6 +57,21 @@ pub(super) struct PassEnd {
     pub met_wall: bool,
 }
 
+impl PassEnd {
+    /// Number of faces removed.
+    fn gained(&self) -> u64 {
+        self.faces_in.saturating_sub(self.faces_out)
+    }
+
+    /// Whether it removed next to nothing on the way to `target` faces.
+    fn is_stuck(&self, target: u64) -> bool {
+        let above = self.faces_out.saturating_sub(target) as f64;
+        // A plan to the face that removed any may remove more.
+        let few = if self.is_exact { 0.0 } else { self.faces_in as f64 * FLOOR_SHARE };
+        self.gained() as f64 <= few.max(above * CLOSER_SHARE)
+    }
+}
+
 impl Schedule {
     /// Returns the next pass; `None` if the passes are over.
     pub(super) fn next(&self, options: &PassOptions) -> Option<Pass> {
@@ -88,20 +106,19 @@ impl Schedule {
     /// Ends a pass that collapsed edges.
     pub(super) fn end_collapsing(&mut self, end: PassEnd, options: &PassOptions) {
         self.pass += 1;
-        let gained = end.faces_in.saturating_sub(end.faces_out);
-        let gained_less_than = |share: f64| (gained as f64) < end.faces_in as f64 * share;
+        let gained_less_than = |share: f64| (end.gained() as f64) < end.faces_in as f64 * share;
         if options.max_error.is_some() && options.target == 0 {
             self.reached = end.is_last && (end.is_single || gained_less_than(BOUNDED_LAST_SHARE));
             self.is_over = self.reached;
             return;
         }
         self.reached = end.is_last && end.faces_out <= options.target;
-        self.stuck = if gained as f64 <= end.faces_in as f64 * FLOOR_SHARE { self.stuck + 1 } else { 0 };
+        self.stuck = if end.is_stuck(options.target) { self.stuck + 1 } else { 0 };
         // A single cluster has no locked rim, so one stuck pass is final. With several, vertices locked in one pass are
-        // free in the next. An exact plan that removed faces may remove more.
+        // free in the next.
         let is_stuck = self.stuck > 2 || (end.is_single && self.stuck > 0);
         let is_wall = end.met_wall || (end.is_steepest && gained_less_than(WALL_SHARE));
-        self.is_over = self.reached || is_wall || (end.is_last && is_stuck && !(end.is_exact && gained > 0));
+        self.is_over = self.reached || is_wall || (end.is_last && is_stuck);
         // With both a target and a bound, the one that stops the passes first counts as reached.
         self.reached |= self.is_over && options.max_error.is_some();
     }
@@ -115,5 +132,27 @@ impl Schedule {
     /// Reports whether a recalled value can be the position before pass `pass`.
     pub(super) fn is_sound(&self, pass: u32) -> bool {
         self.pass == pass as usize && self.remesh_passes <= self.pass && self.stuck as usize <= self.pass
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pass_is_stuck_if_it_removes_little_of_what_is_above_the_target() {
+        let is_stuck = |[faces_in, faces_out, target]: [u64; 3], is_exact| {
+            let [is_last, is_single, is_steepest, met_wall] = [true, true, false, false];
+            let end = PassEnd { faces_in, faces_out, is_last, is_single, is_exact, is_steepest, met_wall };
+            end.is_stuck(target)
+        };
+        for is_exact in [false, true] {
+            assert!(is_stuck([2_800, 2_800, 300], is_exact));
+            assert!(is_stuck([2_800, 2_790, 300], is_exact));
+            assert!(!is_stuck([2_800, 2_700, 300], is_exact));
+            assert!(!is_stuck([15, 14, 4], is_exact));
+        }
+        assert!(is_stuck([80_000, 79_995, 79_990], false));
+        assert!(!is_stuck([80_000, 79_995, 79_990], true));
     }
 }

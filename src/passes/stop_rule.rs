@@ -112,7 +112,8 @@ impl Recalled for StopRule {
 
 /// Runs the stages up to the stop. Returns the cost of the last stage that collapsed an edge, or 0 if none did; with
 /// bounds on the deviation, the highest cost of all stages. If the log is wanted, every collapse of the last stage is
-/// logged. In the last stage to a number of faces, the engine may force the target.
+/// logged. In the last stage to a number of faces, the engine may force the target. After a stage that misses its
+/// goal, only the last one follows.
 pub(super) fn run_stages_to<M: Metric>(engine: &mut Engine<M>, stop: &ClusterStop, wanted: Wanted) -> f32 {
     let faces = engine.mesh.face_count;
     let stages: Vec<Stop> = match stop {
@@ -129,14 +130,20 @@ pub(super) fn run_stages_to<M: Metric>(engine: &mut Engine<M>, stop: &ClusterSto
         }
     };
     let mut cost = 0.0;
+    let mut is_stuck = false;
     for (i, &stage) in stages.iter().enumerate() {
         let is_last = i + 1 == stages.len();
+        // What was refused up to a stage's goal is refused beyond it.
+        if is_stuck && !is_last {
+            continue;
+        }
         if wanted == Wanted::Log && is_last {
             engine.log = Some(Vec::new());
         }
         engine.forces_target = is_last && matches!(stop, ClusterStop::Faces(..));
         let result = engine.run(stage);
         cost = if result.cost > 0.0 { result.cost } else { cost };
+        is_stuck = !result.reached;
     }
     cost
 }
@@ -237,6 +244,19 @@ mod tests {
         assert!(ends.len() == 1 && is_near(ends[0], 100), "{ends:?}");
         let (ends, _) = run(ClusterStop::Shares(vec![0.5]), Wanted::Mesh);
         assert!(ends.len() == 1 && is_near(ends[0], 144), "{ends:?}");
+    }
+
+    #[test]
+    fn after_a_missed_goal_only_the_last_stage_follows() {
+        let ends = |shares: &[f64]| {
+            let mut engine = Engine::<SurfaceCost>::new(samples::grid(12, 0.3), &Default::default());
+            engine.lock_borders = true;
+            run_stages_to(&mut engine, &ClusterStop::Faces(shares.to_vec(), 2), Wanted::Mesh);
+            engine.milestones.len()
+        };
+        // The border has 48 edges.
+        assert_eq!(ends(&[0.5, 0.4, 0.3, 0.2]), 4);
+        assert_eq!(ends(&[0.5, 0.1, 0.05, 0.02]), 3);
     }
 
     #[test]

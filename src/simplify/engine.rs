@@ -11,6 +11,7 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use super::alternatives::Alternatives;
 use super::changes::Changes;
 use super::collapse::Collapser;
 use super::loners::Loners;
@@ -33,6 +34,9 @@ use crate::mesh::ring::{Rings, Spoke};
 const ROUND_SHARE: f64 = 0.20;
 /// A stage with a cost limit ends after a round over all its candidates that removes at most this share of the faces.
 const LAST_SHARE: f64 = 0.0005;
+/// A stage to a number of faces ends after a round over all its candidates that removes at most this share of the faces
+/// above the target: at this pace, it would take ever more rounds to get there.
+const STUCK_SHARE: f64 = 1.0 / 64.0;
 
 /// Simplifies one cluster.
 #[derive(Debug)]
@@ -48,6 +52,8 @@ pub struct Engine<M> {
     is_classified: bool,
     /// The cheapest collapse of every vertex.
     proposals: TiVec<LocalVertex, Proposal>,
+    /// The next collapses of vertices of many faces that were refused in this round.
+    alternatives: Alternatives,
     /// Vertices whose cheapest collapse was refused; may contain duplicates.
     refused: Vec<LocalVertex>,
     collapser: Collapser,
@@ -127,6 +133,7 @@ impl<M: Metric> Engine<M> {
             classes: TiVec::new(),
             is_classified: false,
             proposals: TiVec::new(),
+            alternatives: Alternatives::default(),
             refused: Vec::new(),
             collapser: Collapser::default(),
             relocator: Relocator::default(),
@@ -232,12 +239,12 @@ impl<M: Metric> Engine<M> {
                 result.reached = true;
                 break;
             }
-            let few = if self.one_by_one { 0 } else { (before as f64 * LAST_SHARE) as usize };
-            let is_last = match stop {
-                Stop::Faces(_) => tried_all && removed == 0,
-                Stop::Cost(..) => tried_all && removed <= few,
+            let few = match stop {
+                _ if self.one_by_one => 0,
+                Stop::Faces(target) => ((before - target) as f64 * STUCK_SHARE) as usize,
+                Stop::Cost(..) => (before as f64 * LAST_SHARE) as usize,
             };
-            if is_last {
+            if tried_all && removed <= few {
                 break;
             }
             let aim = if self.one_by_one { 1 } else { (before as f64 * ROUND_SHARE) as usize };

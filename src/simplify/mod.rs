@@ -7,6 +7,7 @@
 //! # Memory
 //! See `partition::weight`: about 200 bytes a face with texture, the mesh included.
 
+mod alternatives;
 pub mod anchor;
 mod caps;
 pub mod changes;

@@ -52,7 +52,7 @@ impl Proposal {
 pub struct Bid(u64);
 
 impl Bid {
-    /// Below all others.
+    /// Below all others, except one at no cost of vertex 0.
     pub const LOWEST: Self = Self(0);
 
     /// A vertex with a cost.

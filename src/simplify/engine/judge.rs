@@ -5,10 +5,14 @@ use crate::cost::{EdgeCase, LANES, Metric};
 use crate::mesh::class::{Class, Rule};
 use crate::mesh::edge::EdgeKind;
 use crate::mesh::id::{Corner, Edge, End, LocalVertex, WedgePair};
+use crate::simplify::alternatives::Cheapest;
 use crate::simplify::proposal::{Bid, EdgeAt, Proposal, all_edges_at, chain_edges_at};
 use crate::simplify::refusal::Refusal;
 use crate::simplify::retreat::cost_with_retreat;
 use crate::simplify::texture::insets;
+
+/// Fewest faces of a non-manifold vertex that keeps its [alternatives](crate::simplify::alternatives).
+const MANY_FACES: usize = 16;
 
 impl<M: Metric> Engine<M> {
     pub(super) fn may_vanish(&self, vertex: LocalVertex) -> bool {
@@ -113,6 +117,34 @@ impl<M: Metric> Engine<M> {
             take(&mut best, proposal);
         }
         self.proposals[vertex] = best;
+    }
+
+    /// Finds the cheapest collapse of a refused vertex above a key, at costs that cover how far the surface retreats.
+    pub(super) fn judge_after(&mut self, vertex: LocalVertex, after: Bid) {
+        let has_many = self.classes[vertex] == Class::Complex && self.rings.of(vertex).len() >= MANY_FACES;
+        if !has_many || !self.may_vanish(vertex) {
+            return self.judge(vertex, Some(after));
+        }
+        let mut alternatives = std::mem::take(&mut self.alternatives);
+        let next = alternatives.next(vertex, || self.cheapest_of_all(vertex, after));
+        self.alternatives = alternatives;
+        self.proposals[vertex] = Proposal { second_best: true, ..next.unwrap_or(Proposal::NONE) };
+    }
+
+    /// The cheapest collapses of a non-manifold vertex above a key.
+    fn cheapest_of_all(&mut self, vertex: LocalVertex, after: Bid) -> Cheapest {
+        let mut cheapest = Cheapest::above(after);
+        let mut spokes = std::mem::take(&mut self.spokes);
+        all_edges_at(&self.mesh, &self.rings, vertex, &mut spokes, |edge| {
+            let proposal = self.propose(vertex, edge);
+            // The full price is never lower.
+            if cheapest.has_room(proposal.key()) {
+                cheapest.add(self.fully_priced(vertex, proposal, Some(after)));
+            }
+        });
+        self.spokes = spokes;
+        self.propose_weld(vertex).into_iter().for_each(|weld| cheapest.add(weld));
+        cheapest
     }
 
     /// A proposal at a cost that covers how far the surface retreats, if `after` is given.

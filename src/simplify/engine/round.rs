@@ -55,6 +55,7 @@ impl<M: Metric> Engine<M> {
     pub(super) fn collapse_chosen(&mut self, stop: Stop, bound: f32, result: &mut StageResult) {
         self.survivors.clear();
         self.again.clear();
+        self.alternatives.clear();
         let mut at = 0;
         loop {
             self.prefetch(at);
@@ -199,7 +200,7 @@ impl<M: Metric> Engine<M> {
             Err(refusal) => {
                 self.refusals[refusal as usize] += 1;
                 self.refused.push(from);
-                self.judge(from, Some(proposal.key()));
+                self.judge_after(from, proposal.key());
                 false
             }
         }
@@ -212,7 +213,7 @@ impl<M: Metric> Engine<M> {
         let is_covered = cost_with_retreat(&self.mesh, &self.rings, Edge { from, to }, cost) <= cost;
         if !is_covered {
             self.refused.push(from);
-            self.judge(from, Some(Bid::LOWEST));
+            self.judge_after(from, Bid::LOWEST);
         }
         !is_covered
     }

@@ -271,3 +271,30 @@ fn one_by_one_each_round_is_the_cheapest_collapse() {
     let least = heap.proposals.iter().map(|proposal| proposal.cost).fold(f32::INFINITY, f32::min);
     assert_eq!(log[0].cost, least);
 }
+
+#[test]
+fn a_vertex_of_many_faces_proposes_its_edges_in_the_order_of_cost() {
+    let chance = |i: usize| crate::base::chance::unit(crate::base::chance::mixed(i as u64));
+    let vertices = (0..30).map(|i| (DVec3::from_array([0, 1, 2].map(|k| chance(3 * i + k))), DVec2::ZERO));
+    let faces: Vec<_> = (1..30u32).map(|i| [0, i, 1 + (7 * i + 3) % 29]).filter(|face| face[1] != face[2]).collect();
+    let mut engine = Engine::<SurfaceCost>::new(samples::mesh_of(vertices, &faces), &Weights::default());
+    engine.frees_topology = true;
+    engine.prepare();
+    engine.begin_stage();
+    engine.cost.refresh(&engine.mesh, &engine.rings, &engine.classes);
+    engine.judge_all();
+    assert_eq!(engine.classes[v(0)], Class::Complex);
+    let mut in_order = |next: fn(&mut Engine<SurfaceCost>, Bid)| {
+        let mut after = Bid::LOWEST;
+        std::iter::from_fn(|| {
+            next(&mut engine, after);
+            let proposal = engine.proposals[v(0)];
+            after = proposal.key();
+            (proposal.cost.is_finite() && proposal.second_best).then_some(after)
+        })
+        .collect::<Vec<_>>()
+    };
+    let expected = in_order(|engine, after| engine.judge(v(0), Some(after)));
+    assert_eq!(expected.len(), 28);
+    assert_eq!(in_order(|engine, after| engine.judge_after(v(0), after)), expected);
+}
