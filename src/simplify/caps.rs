@@ -7,6 +7,8 @@
 //! ```
 //! A cap has no counterpart in the input. Its cost is the distance of its points from the rim: area × squared height.
 
+use glam::DVec3;
+
 use super::rips::FACES_MAX;
 use super::witness::area_of;
 use crate::mesh::class::{Class, Classes};
@@ -17,7 +19,8 @@ use crate::model::id::PartId;
 
 /// Largest number of edges of a hole.
 const EDGES_MAX: usize = 8;
-/// Lowest cosine of the angle between the normals of a cap and of a face beside it.
+/// Lowest cosine of the angle between the normals of a cap's triangle and of a face beside it: at least 37° between
+/// their back sides, far more than the angle at which faces count as folded.
 const FOLD_MIN: f64 = -0.8;
 /// Mean squared distance of a triangle's points to its longest side, relative to its squared height.
 const MEAN_SQ: f64 = 1.0 / 6.0;
@@ -236,7 +239,7 @@ impl Hole {
             let best = (0..if n == 3 { 1 } else { n }).filter(|&k| is_new(ear_at(k))).map(|k| (price(ear_at(k)), k));
             let (price, k) = best.min_by(|a, b| a.0.total_cmp(&b.0))?;
             cost += price;
-            if cost > most || cost.is_nan() || self.folds(mesh, ear_at(k)) {
+            if cost > most || cost.is_nan() || self.folds(mesh, ear_at(k), &ears) {
                 return None;
             }
             ears.push(ear_at(k));
@@ -245,18 +248,24 @@ impl Hole {
         Some(ears)
     }
 
-    /// Whether a triangle lies back to back on a face beside the rim, as the back side of a single sheet would.
-    fn folds(&self, mesh: &ClusterMesh, ear: [usize; 3]) -> bool {
+    /// Whether a triangle has no area, or lies back to back on a face beside the rim, as the back side of a single sheet
+    /// would, or on one of the triangles before it.
+    fn folds(&self, mesh: &ClusterMesh, ear: [usize; 3], before: &[[usize; 3]]) -> bool {
         let vertex = |at: usize| self.rim[at].from;
         let normal = |corners: [LocalVertex; 3]| {
             let [a, b, c] = corners.map(|v| mesh.positions[v]);
             (b - a).cross(c - a).normalize_or_zero()
         };
         let own = normal(ear.map(vertex));
-        (0..3).any(|k| {
-            let edge = &self.rim[ear[k]];
-            edge.to == vertex(ear[(k + 1) % 3]) && own.dot(normal([edge.to, edge.from, edge.beyond])) < FOLD_MIN
-        })
+        let folds_onto = |corners: [LocalVertex; 3]| own.dot(normal(corners)) < FOLD_MIN;
+        let folds_at = |k: usize| {
+            let [from, to] = [ear[k], ear[(k + 1) % 3]];
+            let edge = &self.rim[from];
+            let is_beside = edge.to == vertex(to) && folds_onto([edge.to, edge.from, edge.beyond]);
+            // An ear is cut off along the line between its first and its third corner.
+            is_beside || before.iter().any(|&[a, b, c]| [a, c] == [from, to] && folds_onto([a, b, c].map(vertex)))
+        };
+        own == DVec3::ZERO || (0..3).any(folds_at)
     }
 
     /// Adds the triangles. Each shows the line of the texture along its longest side that has a face.
@@ -292,5 +301,120 @@ impl Hole {
                 });
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use glam::DVec2;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::base::id::TiVec;
+    use crate::geometry::triangle::is_flat;
+    use crate::mesh::class::classify;
+    use crate::mesh::cluster::samples;
+    use crate::mesh::fold::are_folded;
+
+    /// Faces around a hole with these corners; seen from above, the hole is on the left of its rim. The outer border has
+    /// three times as many edges.
+    fn around(rim: &[DVec3]) -> ClusterMesh {
+        let n = rim.len() as u32;
+        let outer = circle(3 * rim.len()).map(|at| (3.0 * at).extend(0.0));
+        let vertices = rim.iter().copied().chain(outer).map(|position| (position, DVec2::ZERO));
+        let of_corner = |k: u32| {
+            let [a, b, c, d] = [0, 1, 2, 3].map(|i| n + (3 * k + i) % (3 * n));
+            let next = (k + 1) % n;
+            [[k, a, b], [k, b, c], [k, c, next], [next, c, d]]
+        };
+        samples::mesh_of(vertices, &(0..n).flat_map(of_corner).collect::<Vec<_>>())
+    }
+
+    fn shut_all(mesh: &mut ClusterMesh, most: f64) -> u64 {
+        let (mut rings, mut classes) = (Rings::default(), TiVec::new());
+        rings.build(mesh);
+        classify(mesh, &rings, &mut classes);
+        shut(mesh, &rings, &classes, most, usize::MAX).count
+    }
+
+    /// The third vertices of the faces at each edge, and the number of faces that run up along it.
+    fn edges(mesh: &ClusterMesh) -> BTreeMap<[LocalVertex; 2], (Vec<LocalVertex>, usize)> {
+        let mut edges = BTreeMap::<_, (Vec<_>, usize)>::new();
+        for face in mesh.face_ids() {
+            let corners = mesh.vertices(face);
+            for k in 0..3 {
+                let [from, to, third] = [k, (k + 1) % 3, (k + 2) % 3].map(|k| corners[k]);
+                let edge = edges.entry([from.min(to), from.max(to)]).or_default();
+                edge.0.push(third);
+                edge.1 += usize::from(from < to);
+            }
+        }
+        edges
+    }
+
+    /// Number of open edges; panics if two faces fold onto each other or run along an edge in the same direction.
+    fn open_edges(mesh: &ClusterMesh) -> usize {
+        let place = |v: LocalVertex| mesh.positions[v];
+        let mut open = 0;
+        for (edge, (thirds, up)) in edges(mesh) {
+            match thirds[..] {
+                [_] => open += 1,
+                [one, other] => {
+                    assert_eq!(up, 1, "{edge:?}");
+                    assert!(!are_folded(edge.map(place), [one, other].map(place)), "{edge:?} of {one:?} and {other:?}");
+                }
+                _ => panic!("{edge:?} has {} faces", thirds.len()),
+            }
+        }
+        open
+    }
+
+    fn circle(count: usize) -> impl Iterator<Item = DVec2> {
+        (0..count).map(move |k| DVec2::from_angle(k as f64 * std::f64::consts::TAU / count as f64))
+    }
+
+    #[test]
+    fn a_flat_hole_closes_if_it_is_small() {
+        for corners in 3..=EDGES_MAX + 1 {
+            let rim: Vec<DVec3> = circle(corners).map(|at| at.extend(0.0)).collect();
+            let mut mesh = around(&rim);
+            let is_small = corners <= EDGES_MAX;
+            assert_eq!(shut_all(&mut mesh, 1.0), u64::from(is_small));
+            assert_eq!(open_edges(&mesh), if is_small { 3 * corners } else { 4 * corners });
+            assert_eq!(mesh.face_count, 4 * corners + if is_small { corners - 2 } else { 0 });
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_cap_is_flat_or_folds_onto_its_neighbours_or_itself(
+            rim in prop::collection::vec((0.3f64..1.0, -1.0f64..1.0), 3..=EDGES_MAX),
+        ) {
+            let corners: Vec<DVec3> =
+                circle(rim.len()).zip(&rim).map(|(at, &(out, up)): (DVec2, &(f64, f64))| (at * out).extend(up)).collect();
+            let mut mesh = around(&corners);
+            let before = mesh.corners.len();
+            let count = shut_all(&mut mesh, 1e3) as usize;
+            prop_assert_eq!(open_edges(&mesh), (4 - count) * rim.len());
+            prop_assert_eq!(mesh.corners.len(), before + count * (rim.len() - 2));
+            for face in mesh.face_ids().skip(before) {
+                let [a, b, c] = mesh.triangle(face);
+                let longest_sq = [a - b, b - c, c - a].map(DVec3::length_squared).into_iter().fold(0.0, f64::max);
+                prop_assert!(!is_flat((b - a).cross(c - a).length(), longest_sq, 1.0));
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_of_no_area_stays_open() {
+        // The second corner of the rim lies on the line between its neighbours.
+        let rim = [[-1.0, -1.0], [0.0, -1.0], [1.0, -1.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
+        let vertices = rim.into_iter().chain([DVec3::new(0.0, 1.0, 0.0), DVec3::new(0.0, -3.0, 0.0)]);
+        let mut mesh =
+            samples::mesh_of(vertices.map(|position| (position, DVec2::ZERO)), &[[0, 2, 3], [0, 4, 1], [1, 4, 2]]);
+        assert_eq!(shut_all(&mut mesh, 1.0), 0);
+        assert_eq!(mesh.corners.len(), 3);
     }
 }
