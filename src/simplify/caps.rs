@@ -11,6 +11,7 @@ use glam::DVec3;
 
 use super::rips::FACES_MAX;
 use super::witness::area_of;
+use crate::geometry::triangle::is_flat;
 use crate::mesh::class::{Class, Classes};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::{Corner, LocalVertex, Wedge};
@@ -257,6 +258,9 @@ impl Hole {
             (b - a).cross(c - a).normalize_or_zero()
         };
         let own = normal(ear.map(vertex));
+        let [a, b, c] = ear.map(|at| mesh.positions[vertex(at)]);
+        let longest_sq = [a - b, b - c, c - a].map(DVec3::length_squared).into_iter().fold(0.0, f64::max);
+        let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
         let folds_onto = |corners: [LocalVertex; 3]| own.dot(normal(corners)) < FOLD_MIN;
         let folds_at = |k: usize| {
             let [from, to] = [ear[k], ear[(k + 1) % 3]];
@@ -265,7 +269,7 @@ impl Hole {
             // An ear is cut off along the line between its first and its third corner.
             is_beside || before.iter().any(|&[a, b, c]| [a, c] == [from, to] && folds_onto([a, b, c].map(vertex)))
         };
-        own == DVec3::ZERO || (0..3).any(folds_at)
+        is_flat((b - a).cross(c - a).length(), longest_sq, largest) || (0..3).any(folds_at)
     }
 
     /// Adds the triangles. Each shows the line of the texture along its longest side that has a face.
@@ -313,7 +317,6 @@ mod tests {
 
     use super::*;
     use crate::base::id::TiVec;
-    use crate::geometry::triangle::is_flat;
     use crate::mesh::class::classify;
     use crate::mesh::cluster::samples;
     use crate::mesh::fold::are_folded;

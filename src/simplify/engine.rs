@@ -34,8 +34,8 @@ use crate::mesh::ring::{Rings, Spoke};
 const ROUND_SHARE: f64 = 0.20;
 /// A stage with a cost limit ends after a round over all its candidates that removes at most this share of the faces.
 const LAST_SHARE: f64 = 0.0005;
-/// A stage to a number of faces ends after a round over all its candidates that removes at most this share of the faces
-/// above the target: at this pace, it would take ever more rounds to get there.
+/// A stage to a number of faces ends after a round that tried all its candidates and removed at most this share of the
+/// faces above the target: at this pace, it would take ever more rounds to get there.
 const STUCK_SHARE: f64 = 1.0 / 64.0;
 
 /// Simplifies one cluster.
@@ -233,7 +233,7 @@ impl<M: Metric> Engine<M> {
                 break;
             }
             self.round += 1;
-            self.collapse_chosen(stop, bound, &mut result);
+            let went_through = self.collapse_chosen(stop, bound, &mut result);
             let removed = before - self.mesh.face_count;
             if self.is_done(stop) {
                 result.reached = true;
@@ -241,7 +241,8 @@ impl<M: Metric> Engine<M> {
             }
             let few = match stop {
                 _ if self.one_by_one => 0,
-                Stop::Faces(target) => ((before - target) as f64 * STUCK_SHARE) as usize,
+                Stop::Faces(target) if went_through => ((before - target) as f64 * STUCK_SHARE) as usize,
+                Stop::Faces(_) => 0,
                 Stop::Cost(..) => (before as f64 * LAST_SHARE) as usize,
             };
             if tried_all && removed <= few {

@@ -52,7 +52,8 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Collapses the chosen vertices in order of cost. A refused vertex is tried again with its next best proposal.
-    pub(super) fn collapse_chosen(&mut self, stop: Stop, bound: f32, result: &mut StageResult) {
+    /// Returns whether all were tried, and not only those up to a cost.
+    pub(super) fn collapse_chosen(&mut self, stop: Stop, bound: f32, result: &mut StageResult) -> bool {
         self.survivors.clear();
         self.again.clear();
         self.alternatives.clear();
@@ -61,20 +62,20 @@ impl<M: Metric> Engine<M> {
             self.prefetch(at);
             let chosen = self.chosen.get(at).copied();
             let again = self.again.peek().map(|&Reverse(bid)| bid);
-            let Some(from) = chosen.into_iter().chain(again).min().map(Bid::vertex) else { return };
+            let Some(from) = chosen.into_iter().chain(again).min().map(Bid::vertex) else { return true };
             if chosen.is_some_and(|bid| bid.vertex() == from) {
                 at += 1;
             } else {
                 self.again.pop();
             }
             if !self.survivors.is_empty() && self.proposals[from].cost > self.patience {
-                return;
+                return false;
             }
             if !self.try_proposal(from, stop, result) && self.proposals[from].cost <= bound {
                 self.again.push(Reverse(Bid::new(self.proposals[from].cost, from)));
             }
             if self.is_done(stop) || (self.one_by_one && !self.survivors.is_empty()) {
-                return;
+                return false;
             }
         }
     }
