@@ -43,6 +43,18 @@ pub fn is_flat(area_2: f64, longest_sq: f64, largest: f64) -> bool {
     area_2 <= longest * height_limit || area_2.is_nan() || height_limit.is_nan()
 }
 
+/// Whether a triangle is [flat](is_flat), among coordinates of up to `largest`.
+pub fn has_no_area([a, b, c]: [DVec3; 3], largest: f64) -> bool {
+    let longest_sq = a.distance_squared(b).max(b.distance_squared(c)).max(c.distance_squared(a));
+    is_flat((b - a).cross(c - a).length(), longest_sq, largest)
+}
+
+/// Whether a triangle is a line or a point, as far as its coordinates tell.
+pub fn is_line(corners: [DVec3; 3]) -> bool {
+    let largest = corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
+    has_no_area(corners, largest)
+}
+
 /// How the barycentric weights of the second and the third corner grow along both axes of a plane; not finite for a
 /// triangle without area there.
 pub fn weight_growth([a, b, c]: [DVec2; 3]) -> [DVec2; 2] {

@@ -11,7 +11,6 @@
 //!   boundary      inside          * has two fans       face at #    a vertex in its middle: a T-junction
 //! ```
 
-use glam::DVec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -21,7 +20,7 @@ use crate::base::Result;
 use crate::base::id::{TiSlice, TiVec};
 use crate::base::pool::{check_stopped, in_parallel};
 use crate::geometry::boxtree::Bounds;
-use crate::geometry::triangle::is_flat;
+use crate::geometry::triangle::has_no_area;
 use crate::mesh::id::{Corner, FaceId};
 use crate::model::id::MeshVertex;
 use crate::topology::atlas::UvCounts;
@@ -140,11 +139,6 @@ pub fn weld_and_check(surface: &Surface) -> Result<Check> {
     check_stopped()?;
     let dropped = surface.faces.len() - welded.faces.len();
     Ok(Check { degenerate_faces: dropped as u64, ..check(&welded)? })
-}
-
-fn has_no_area([a, b, c]: [DVec3; 3], largest: f64) -> bool {
-    let longest_sq = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
-    is_flat((b - a).cross(c - a).length(), longest_sq, largest)
 }
 
 /// Vertices whose faces are not all connected over edges at the vertex.

@@ -7,11 +7,9 @@
 //! ```
 //! A cap has no counterpart in the input. Its cost is the distance of its points from the rim: area × squared height.
 
-use glam::DVec3;
-
 use super::rips::FACES_MAX;
 use super::witness::area_of;
-use crate::geometry::triangle::is_flat;
+use crate::geometry::triangle::is_line;
 use crate::mesh::class::{Class, Classes};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::{Corner, LocalVertex, Wedge};
@@ -258,9 +256,6 @@ impl Hole {
             (b - a).cross(c - a).normalize_or_zero()
         };
         let own = normal(ear.map(vertex));
-        let [a, b, c] = ear.map(|at| mesh.positions[vertex(at)]);
-        let longest_sq = [a - b, b - c, c - a].map(DVec3::length_squared).into_iter().fold(0.0, f64::max);
-        let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
         let folds_onto = |corners: [LocalVertex; 3]| own.dot(normal(corners)) < FOLD_MIN;
         let folds_at = |k: usize| {
             let [from, to] = [ear[k], ear[(k + 1) % 3]];
@@ -269,7 +264,7 @@ impl Hole {
             // An ear is cut off along the line between its first and its third corner.
             is_beside || before.iter().any(|&[a, b, c]| [a, c] == [from, to] && folds_onto([a, b, c].map(vertex)))
         };
-        is_flat((b - a).cross(c - a).length(), longest_sq, largest) || (0..3).any(folds_at)
+        is_line(ear.map(|at| mesh.positions[vertex(at)])) || (0..3).any(folds_at)
     }
 
     /// Adds the triangles. Each shows the line of the texture along its longest side that has a face.
@@ -312,11 +307,12 @@ impl Hole {
 mod tests {
     use std::collections::BTreeMap;
 
-    use glam::DVec2;
+    use glam::{DVec2, DVec3};
     use proptest::prelude::*;
 
     use super::*;
     use crate::base::id::TiVec;
+    use crate::geometry::triangle::has_no_area;
     use crate::mesh::class::classify;
     use crate::mesh::cluster::samples;
     use crate::mesh::fold::are_folded;
@@ -403,9 +399,7 @@ mod tests {
             prop_assert_eq!(open_edges(&mesh), (4 - count) * rim.len());
             prop_assert_eq!(mesh.corners.len(), before + count * (rim.len() - 2));
             for face in mesh.face_ids().skip(before) {
-                let [a, b, c] = mesh.triangle(face);
-                let longest_sq = [a - b, b - c, c - a].map(DVec3::length_squared).into_iter().fold(0.0, f64::max);
-                prop_assert!(!is_flat((b - a).cross(c - a).length(), longest_sq, 1.0));
+                prop_assert!(!has_no_area(mesh.triangle(face), 1.0));
             }
         }
     }
