@@ -216,7 +216,7 @@ impl Hole {
     }
 
     /// Triangles that close the hole, cheapest first, as indices of their corners in the rim. `None` if they cost more
-    /// than `most`, fold, or would need an edge that exists already.
+    /// than `most`, have no area, fold, or would need an edge that exists already.
     fn ears(&self, mesh: &ClusterMesh, rings: &Rings, most: f64) -> Option<Vec<[usize; 3]>> {
         let place = |at: usize| mesh.positions[self.rim[at].from];
         let price = |ear: [usize; 3]| {
@@ -238,7 +238,7 @@ impl Hole {
             let best = (0..if n == 3 { 1 } else { n }).filter(|&k| is_new(ear_at(k))).map(|k| (price(ear_at(k)), k));
             let (price, k) = best.min_by(|a, b| a.0.total_cmp(&b.0))?;
             cost += price;
-            if cost > most || cost.is_nan() || self.folds(mesh, ear_at(k), &ears) {
+            if cost > most || cost.is_nan() || self.is_flat_or_folds(mesh, ear_at(k), &ears) {
                 return None;
             }
             ears.push(ear_at(k));
@@ -249,7 +249,7 @@ impl Hole {
 
     /// Whether a triangle has no area, or lies back to back on a face beside the rim, as the back side of a single sheet
     /// would, or on one of the triangles before it.
-    fn folds(&self, mesh: &ClusterMesh, ear: [usize; 3], before: &[[usize; 3]]) -> bool {
+    fn is_flat_or_folds(&self, mesh: &ClusterMesh, ear: [usize; 3], before: &[[usize; 3]]) -> bool {
         let vertex = |at: usize| self.rim[at].from;
         let normal = |corners: [LocalVertex; 3]| {
             let [a, b, c] = corners.map(|v| mesh.positions[v]);

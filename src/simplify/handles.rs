@@ -12,6 +12,7 @@
 
 use glam::{DVec2, DVec3};
 
+use crate::geometry::triangle::is_line;
 use crate::mesh::class::{Class, Classes};
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::fold::are_nearly_folded;
@@ -132,7 +133,7 @@ impl Sides {
             |wanted: fn(&Spoke) -> LocalVertex| rings.living(mesh, a).find(|&c| wanted(&Spoke::of(mesh, c)) == b);
         let beside_first = [at_first(|spoke| spoke.next)?, at_first(|spoke| spoke.previous)?];
         let left_at_third = rings.living(mesh, vertices[2]).find(|corner| !right[2].contains(corner))?;
-        // The triangle that closes a side must not fold onto a face beside it.
+        // The triangle that closes a side must have an area, and not fold onto a face beside it.
         let place = |v: LocalVertex| mesh.positions[v];
         let folds = (0..3).any(|k| {
             let (vertex, next, before) = (vertices[k], vertices[(k + 1) % 3], vertices[(k + 2) % 3]);
@@ -141,7 +142,8 @@ impl Sides {
             let mut thirds = thirds.map(place);
             thirds.any(|third| are_nearly_folded([vertex, next].map(place), [third, place(before)]))
         });
-        (!folds).then_some(Self { vertices, right, beside_first, left_at_third })
+        let is_sound = !folds && !is_line(vertices.map(place));
+        is_sound.then_some(Self { vertices, right, beside_first, left_at_third })
     }
 
     /// Gives the right side copies of the vertices, and closes both sides.
@@ -305,6 +307,16 @@ mod tests {
             // Wedges are still linked to those of the same vertex.
             assert!(mesh.wedge_next.iter_enumerated().all(|(wedge, &next)| vertex_of(next) == vertex_of(wedge)));
         }
+    }
+
+    #[test]
+    fn a_handle_of_no_area_is_not_cut() {
+        let mut mesh = tube(3, DVec2::NAN);
+        mesh.positions[v(5)] = mesh.positions[v(3)].midpoint(mesh.positions[v(4)]);
+        let (rings, handles) = found(&mesh, f64::INFINITY);
+        assert_eq!(handles.len(), 1);
+        assert!(cut(&mut mesh, &rings, &handles).is_empty());
+        assert_eq!(mesh.corners.len(), 14);
     }
 
     #[test]
