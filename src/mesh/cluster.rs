@@ -124,6 +124,12 @@ impl ClusterMesh {
         vec![value; self.corners.len()].into()
     }
 
+    /// The vertex that a vertex copies, or itself.
+    pub fn origin_of(&self, vertex: LocalVertex) -> LocalVertex {
+        let first_copy = self.positions.len() - self.copied_from.len();
+        vertex.index().checked_sub(first_copy).map_or(vertex, |copy| self.copied_from[copy])
+    }
+
     /// Vertices of a face's corners; the face must not be dead.
     #[inline]
     pub fn vertices(&self, face: FaceId) -> [LocalVertex; 3] {

@@ -144,10 +144,7 @@ impl ClusterSource {
     fn point_of(&self, simplified: &ClusterMesh, vertex: LocalVertex) -> EdgePoint {
         // Loaded vertices come first, then vertices inserted into edges, then copies of either.
         let loaded = self.vertex_ids.len();
-        let original = match vertex.index().checked_sub(loaded + self.points.len()) {
-            Some(copy) => simplified.copied_from[copy],
-            None => vertex,
-        };
+        let original = simplified.origin_of(vertex);
         match original.index().checked_sub(loaded) {
             Some(point) => self.points[point],
             None => EdgePoint { ends: [original; 2], share: 0.0 },

@@ -72,11 +72,13 @@ pub fn simplify(mesh: &Mesh, options: &PassOptions, progress: &dyn Progress) -> 
     while let Some(pass) = under_way.schedule.next(options) {
         progress.check_stopped()?;
         progress.begin_pass(pass.number + 1);
-        progress.begin("simplify", under_way.mesh.face_count as u64, "faces");
+        let faces = under_way.mesh.face_count as u64;
+        progress.begin("simplify", faces, "faces");
         match pass.kind {
             PassKind::Remesh(settings) => under_way.remesh(&settings),
             PassKind::Collapse => under_way.collapse(pass),
         }
+        progress.advance(faces);
     }
     let (is_reached, changes) = (under_way.schedule.reached, under_way.changes);
     Ok(SimplifiedMesh { mesh: under_way.finish(mesh), is_reached, changes })
@@ -201,7 +203,7 @@ impl<'a> InMemory<'a> {
         };
         self.texcoord_of = wedges.iter().map(texcoord).collect();
         if !self.colours.is_empty() {
-            self.colours = vertices.iter().map(|&old| self.colours[old.index()]).collect();
+            self.colours = vertices.iter().map(|&old| self.colours[mesh.origin_of(old).index()]).collect();
         }
         self.mesh = compacted;
     }

@@ -197,8 +197,7 @@ impl Sides {
 impl ClusterMesh {
     /// Adds a copy of a vertex at the same position; returns its id.
     fn copy_vertex(&mut self, vertex: LocalVertex) -> LocalVertex {
-        let first = self.positions.len() - self.copied_from.len();
-        let origin = vertex.index().checked_sub(first).map_or(vertex, |copy| self.copied_from[copy]);
+        let origin = self.origin_of(vertex);
         let copy = self.push_vertex(self.positions[vertex], flag::MOVED);
         self.copied_from.push(origin);
         copy

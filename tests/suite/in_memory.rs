@@ -108,6 +108,33 @@ fn colours_and_labels_stay_with_their_places() {
 }
 
 #[test]
+fn colours_stay_where_handles_are_cut() {
+    let mut mesh = load(&folder_with(&torus(60, 30).text()).1);
+    mesh.colours = mesh.positions.iter().map(|&[x, y, z]| [x as f32, y as f32, z as f32]).collect();
+    let (after, report) =
+        simplify_mesh(&mesh, &SimplifyOptions { target: Target::faces(4), ..ratio(1.0) }, &Silent).unwrap();
+    assert!(report.output <= 4 && after.colours.len() == after.positions.len(), "{report:?}");
+}
+
+#[test]
+fn its_progress_counts_the_faces_of_each_pass() {
+    #[derive(Default)]
+    struct Sums([std::sync::atomic::AtomicU64; 2]);
+    impl Progress for Sums {
+        fn begin(&self, _: &'static str, total: u64, _: &'static str) {
+            self.0[0].fetch_add(total, std::sync::atomic::Ordering::Relaxed);
+        }
+        fn advance(&self, units: u64) {
+            self.0[1].fetch_add(units, std::sync::atomic::Ordering::Relaxed);
+        }
+    }
+    let sums = Sums::default();
+    simplify_mesh(&load(&town()), &ratio(0.1), &sums).unwrap();
+    let [wanted, done] = sums.0.map(std::sync::atomic::AtomicU64::into_inner);
+    assert!(wanted > 0 && done == wanted, "{done} of {wanted}");
+}
+
+#[test]
 fn a_program_can_stop_it_and_hears_of_its_passes() {
     struct Stop;
     impl Progress for Stop {
