@@ -222,7 +222,8 @@ impl SurfaceCost {
         let kept = |to: End| self.vertices[to.vertex].constant;
         error += Vec4::new(kept(e0), kept(e1), kept(e2), kept(e3));
         let length_sq = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-        (error.max(Vec4::ZERO) + length_sq * LENGTH_SHARE * length_sq).to_array()
+        let error = Vec4::select(error.cmplt(Vec4::ZERO), Vec4::ZERO, error);
+        (error + length_sq * LENGTH_SHARE * length_sq).to_array()
     }
 
     /// Adds the quadrics of the vanished vertex and its wedges to those that stay.
@@ -296,10 +297,10 @@ impl SurfaceCost {
     }
 }
 
-/// Cost of a collapse with this error along an edge of this squared length.
+/// Cost of a collapse with this error along an edge of this squared length. NaN remains: it is not cheap.
 #[inline(always)]
 fn cost_of(error: f32, length_sq: f32) -> f32 {
-    error.max(0.0) + LENGTH_SHARE * length_sq * length_sq
+    (if error < 0.0 { 0.0 } else { error }) + LENGTH_SHARE * length_sq * length_sq
 }
 
 /// Vector from the vertex that vanishes to the one that stays.

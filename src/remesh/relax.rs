@@ -24,7 +24,7 @@
 //! * The new position is the centroid of the ring's polygon: Voronoi cells can be unbounded.
 //! * One sweep in the order of ids; a move takes effect at once, and only if the ring's smallest r rises.
 //! * Texture coordinates use the same barycentric coordinates. Seam, border, locked and shared vertices stay, and a
-//!   move that folds a face in space or in texture space is not made.
+//!   move that folds a face in space or in texture space, or onto another face, is not made.
 //! * The two vertices of the ring that are farthest from each other are pinned.
 //! * A ring of more than 24 vertices is left as it is: the number of triangles among them is cubic.
 
@@ -37,8 +37,9 @@ use crate::cost::sharpness::sharpness;
 use crate::geometry::triangle::regularity;
 use crate::mesh::class::{Class, classify};
 use crate::mesh::cluster::{ClusterMesh, flag};
-use crate::mesh::id::LocalVertex;
+use crate::mesh::id::{Corner, LocalVertex};
 use crate::mesh::ring::Rings;
+use crate::simplify::fold::FoldCheck;
 use crate::simplify::triangle_change::{change_of, uv_survives};
 
 /// A face below this regularity is a sliver.
@@ -53,6 +54,7 @@ pub fn relax(mesh: &mut ClusterMesh) -> u64 {
     mesh.compact_faces();
     mesh.unlink_unused_wedges();
     let (mut rings, mut classes, mut fan) = (Rings::default(), TiVec::new(), Fan::default());
+    let mut folds = FoldCheck::default();
     rings.build(mesh);
     classify(mesh, &rings, &mut classes);
     let mut moved = 0;
@@ -65,11 +67,12 @@ pub fn relax(mesh: &mut ClusterMesh) -> u64 {
         if worst >= SLIVER || !fan.is_closed || fan.spokes.len() > RING_MAX || sharpness(&fan) >= FLAT {
             continue;
         }
-        if let Some((position, uv)) = middle(mesh, &fan, vertex)
-            && is_better(mesh, &fan, vertex, worst, position, uv)
-        {
-            place(mesh, &fan, vertex, position, uv);
-            moved += 1;
+        if let Some((position, uv)) = middle(mesh, &fan, vertex) {
+            let step = Move { vertex, position, uv };
+            if step.raises(mesh, &fan, worst, &mut folds) && !folds.finds(mesh, &rings, &[], None, position) {
+                step.make(mesh, &fan);
+                moved += 1;
+            }
         }
     }
     moved
@@ -184,27 +187,38 @@ fn lift(polygon: &[DVec2], at: DVec2) -> Option<Vec<f64>> {
     (triangles > 0.0).then_some(weights)
 }
 
-/// Whether a move raises the ring's smallest regularity and folds no face.
-fn is_better(mesh: &ClusterMesh, fan: &Fan, vertex: LocalVertex, worst: f64, position: DVec3, uv: DVec2) -> bool {
-    fan.spokes.iter().all(|spoke| {
-        let (before, uv_before) = (mesh.triangle(spoke.face), mesh.uv_triangle(spoke.face));
-        let (mut after, mut uv_after) = (before, uv_before);
-        let Some(k) = mesh.vertices(spoke.face).iter().position(|&v| v == vertex) else { return false };
-        (after[k], uv_after[k]) = (position, uv);
-        regularity(after) > worst
-            && change_of(before, after).is_some_and(|change| uv_survives(uv_before, uv_after, change.areas_sq))
-    })
+/// A move of a vertex, and with it of its texture coordinate.
+struct Move {
+    vertex: LocalVertex,
+    position: DVec3,
+    uv: DVec2,
 }
 
-fn place(mesh: &mut ClusterMesh, fan: &Fan, vertex: LocalVertex, position: DVec3, uv: DVec2) {
-    mesh.positions[vertex] = position;
-    mesh.flags[vertex] |= flag::MOVED;
-    for spoke in &fan.spokes {
-        if let Some(wedge) = mesh.wedge_at(spoke.face, vertex)
-            && uv.is_finite()
-        {
-            mesh.wedge_uv[wedge] = uv;
-            mesh.wedge_moved[wedge] = true;
+impl Move {
+    /// Whether it raises the ring's smallest regularity, `worst`, and turns no face over. Begins the check for folds.
+    fn raises(&self, mesh: &ClusterMesh, fan: &Fan, worst: f64, folds: &mut FoldCheck) -> bool {
+        folds.begin(false);
+        fan.spokes.iter().all(|spoke| {
+            let (before, uv_before) = (mesh.triangle(spoke.face), mesh.uv_triangle(spoke.face));
+            let (mut after, mut uv_after) = (before, uv_before);
+            let Some(k) = mesh.vertices(spoke.face).iter().position(|&v| v == self.vertex) else { return false };
+            (after[k], uv_after[k]) = (self.position, self.uv);
+            let Some(change) = change_of(before, after) else { return false };
+            folds.push(Corner::at(spoke.face, k), &change);
+            regularity(after) > worst && uv_survives(uv_before, uv_after, change.areas_sq)
+        })
+    }
+
+    fn make(&self, mesh: &mut ClusterMesh, fan: &Fan) {
+        mesh.positions[self.vertex] = self.position;
+        mesh.flags[self.vertex] |= flag::MOVED;
+        for spoke in &fan.spokes {
+            if let Some(wedge) = mesh.wedge_at(spoke.face, self.vertex)
+                && self.uv.is_finite()
+            {
+                mesh.wedge_uv[wedge] = self.uv;
+                mesh.wedge_moved[wedge] = true;
+            }
         }
     }
 }

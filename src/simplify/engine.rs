@@ -63,6 +63,8 @@ pub struct Engine<M> {
     rips: Rips,
     /// Highest cost of a collapse so far.
     last_cost: f32,
+    /// Area of the mesh at the start of the last stage, in units of length².
+    stage_area: f64,
     /// Last round in which each vertex took part in a collapse.
     touched: TiVec<LocalVertex, u32>,
     /// 2 × the last round in which a face around each vertex changed, plus 1 if all edges of the vertex were evaluated
@@ -141,6 +143,7 @@ impl<M: Metric> Engine<M> {
             loners: Loners::default(),
             rips: Rips::default(),
             last_cost: 0.0,
+            stage_area: 0.0,
             touched: TiVec::new(),
             stirred: TiVec::new(),
             survivors: Vec::new(),
@@ -220,6 +223,7 @@ impl<M: Metric> Engine<M> {
         }
         self.begin_stage();
         self.cost.refresh(&self.mesh, &self.rings, &self.classes);
+        self.stage_area = self.cost.area();
         let is_seam =
             |class: &&Class| matches!(class, Class::Seam | Class::Corner | Class::BorderSeam | Class::BorderCorner);
         self.seam_vertices = self.classes.iter().filter(is_seam).count() as u64;
@@ -269,7 +273,7 @@ impl<M: Metric> Engine<M> {
     /// Area of the mesh at the start of the last stage, in units of length²; of the current mesh if no stage had
     /// anything to do.
     pub fn area(&self) -> f64 {
-        if self.milestones.is_empty() { planes::area_of(&self.mesh) } else { self.cost.area() }
+        if self.milestones.is_empty() { planes::area_of(&self.mesh) } else { self.stage_area }
     }
 
     /// Limits the deviation from the input to `most`, in units of length.

@@ -25,7 +25,7 @@ const FEW_FACES: usize = 2;
 
 /// The check of one collapse or relocation; buffers are reused.
 #[derive(Debug, Default)]
-pub(super) struct FoldCheck {
+pub struct FoldCheck {
     /// The faces that change and stay.
     changing: Vec<Changing>,
     /// Sum of their normals.
@@ -68,7 +68,7 @@ impl Joined {
 impl FoldCheck {
     /// Begins a check. `looks_at_all` is needed if faces become neighbours that were not, or may run along an edge in
     /// the same direction: such faces have the same normal when they lie on each other.
-    pub(super) fn begin(&mut self, looks_at_all: bool) {
+    pub fn begin(&mut self, looks_at_all: bool) {
         self.changing.clear();
         self.sum = DVec3::ZERO;
         self.looks_at_all = looks_at_all;
@@ -76,7 +76,7 @@ impl FoldCheck {
 
     /// Adds a face that stays and changes, by its corner at a moving vertex.
     #[inline(always)]
-    pub(super) fn push(&mut self, corner: Corner, change: &Change) {
+    pub fn push(&mut self, corner: Corner, change: &Change) {
         self.sum += change.normal;
         self.changing.push(Changing { corner, normal: change.normal, turns: change.turns });
     }
@@ -105,7 +105,7 @@ impl FoldCheck {
     /// and the `dying` faces are gone. Pairs that are folded as much already do not count. All changing faces must have
     /// been [pushed](FoldCheck::push). If one vertex at `position` stays as it is, `anchor` holds this vertex and the
     /// vertices that are neighbours of both ends.
-    pub(super) fn finds(
+    pub fn finds(
         &mut self,
         mesh: &ClusterMesh,
         rings: &Rings,

@@ -16,7 +16,7 @@ pub mod cover;
 pub mod deviation;
 pub mod edge_star;
 pub mod engine;
-mod fold;
+pub mod fold;
 mod handles;
 mod last_faces;
 pub mod legality;

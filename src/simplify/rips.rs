@@ -17,10 +17,6 @@ use crate::mesh::class::Classes;
 use crate::mesh::id::{FaceId, LocalVertex};
 use crate::mesh::ring::{Rings, Spoke};
 
-/// Lowest cosine of the angle between the normals, and between the opposed inward directions, of two borders along a
-/// rip.
-const FACING_MIN: f32 = 0.0;
-
 /// Largest number of faces of a vertex that is paired: each compares all pairs of its faces.
 pub const FACES_MAX: usize = 32;
 
@@ -168,7 +164,7 @@ impl Rim {
 
     /// Whether the surface continues beyond the other border: both have similar normals, and lie on opposite sides.
     fn faces(&self, other: &Self) -> bool {
-        self.normal.dot(other.normal) > FACING_MIN && self.inwards.dot(other.inwards) < -FACING_MIN
+        self.normal.dot(other.normal) > 0.0 && self.inwards.dot(other.inwards) < 0.0
     }
 }
 

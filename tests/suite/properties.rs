@@ -168,6 +168,82 @@ fn soups() -> impl Strategy<Value = Sketch> {
     })
 }
 
+/// A bumpy torus whose faces are joined in pairs by tubes of three walls, beside triangles that occur twice, one side and the
+/// other out.
+fn knots() -> impl Strategy<Value = Sketch> {
+    let kinds = (3usize..24, 0.0..1.0f64, 0usize..60, 0.0..0.8f64, any::<u64>(), any::<bool>());
+    kinds.prop_map(|(side, tubed, doubled, bump, seed, has_uv)| {
+        let mut sketch = Sketch::default();
+        for (i, j) in (0..side).flat_map(|i| (0..side).map(move |j| (i, j))) {
+            let bumps = [0, 1, 2].map(|axis| bump * (2.0 * noise(i * side + j, axis, seed) - 1.0));
+            sketch.positions.push(DVec3::new(i as f64, j as f64, 0.0) + DVec3::from_array(bumps));
+            sketch.texcoords.extend(has_uv.then(|| DVec2::new(noise(i, j, seed ^ 1), noise(j, i, seed ^ 2))));
+        }
+        let at = |i: usize, j: usize| (i % side) * side + j % side;
+        let mut faces: Vec<[usize; 3]> = (0..side * side)
+            .map(|k| (k / side, k % side))
+            .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
+            .collect();
+        faces.sort_by(|a, b| noise(a[0], a[1] * 997 + a[2], seed).total_cmp(&noise(b[0], b[1] * 997 + b[2], seed)));
+        // Faces without a vertex in common.
+        let mut is_used = vec![false; side * side];
+        let (apart, mut rest): (Vec<_>, Vec<_>) = faces.into_iter().partition(|face| {
+            let is_apart = face.iter().all(|&vertex| !is_used[vertex]);
+            face.iter().for_each(|&vertex| is_used[vertex] |= is_apart);
+            is_apart
+        });
+        let pairs = (tubed * (apart.len() / 2) as f64) as usize;
+        for pair in apart[..2 * pairs].chunks_exact(2) {
+            let (a, [p, q, r]) = (pair[0], pair[1]);
+            let b = [p, r, q];
+            for k in 0..3 {
+                let next = (k + 1) % 3;
+                rest.extend([[a[k], a[next], b[next]], [a[k], b[next], b[k]]]);
+            }
+        }
+        rest.extend_from_slice(&apart[2 * pairs..]);
+        for i in 0..doubled {
+            let base = sketch.positions.len();
+            let corners =
+                [DVec3::ZERO, DVec3::X, DVec3::Y].map(|corner| corner + DVec3::new(2.0 * i as f64, -9.0, 0.0));
+            sketch.positions.extend(corners);
+            sketch.texcoords.extend(corners.iter().filter(|_| has_uv).map(|corner| corner.truncate() / 64.0));
+            rest.extend([[0, 1, 2], [0, 1, 2], [2, 1, 0]].map(|face| face.map(|corner| base + corner)));
+        }
+        sketch.faces = rest.into_iter().map(|face| face.map(|vertex| (vertex, vertex))).collect();
+        sketch.materials = vec![0; sketch.faces.len()];
+        sketch
+    })
+}
+
+/// Cubes at some places of a block, each with all its walls: neighbours have a wall twice, others share an edge or a corner.
+fn cubes() -> impl Strategy<Value = Sketch> {
+    (2usize..5, 0.1..0.9f64, any::<u64>()).prop_map(|(side, filled, seed)| {
+        let mut sketch = Sketch::default();
+        let mut vertices = std::collections::BTreeMap::new();
+        let place = |k: usize| [k / side / side, k / side % side, k % side];
+        let is_filled = |k: &usize| *k == 0 || noise(*k, 0, seed) < filled;
+        for (cube, axis, end) in
+            (0..side.pow(3)).filter(is_filled).flat_map(|k| (0..6).map(move |wall| (place(k), wall / 2, wall % 2)))
+        {
+            let corners = [[0, 0], [1, 0], [1, 1], [0, 1]].map(|[across, up]| {
+                let mut at = cube;
+                at[axis] += end;
+                at[(axis + 1) % 3] += across;
+                at[(axis + 2) % 3] += up;
+                *vertices.entry(at).or_insert_with(|| {
+                    sketch.positions.push(DVec3::from_array(at.map(|x| x as f64)));
+                    sketch.positions.len() - 1
+                })
+            });
+            let [a, b, c, d] = if end == 1 { corners } else { [corners[3], corners[2], corners[1], corners[0]] };
+            sketch.faces.extend([[a, b, c], [a, c, d]].map(|face| face.map(|vertex| (vertex, vertex))));
+            sketch.materials.extend([0; 2]);
+        }
+        sketch
+    })
+}
+
 /// Runs the passes and returns the mesh before and after.
 fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
     // In memory where there is such a place: thousands of small jobs would wait for the disk.
@@ -293,6 +369,17 @@ proptest! {
 
     #[test]
     fn a_soup_comes_out_no_worse_than_it_was(sketch in soups(), choice in choices()) {
+        news(&sketch, &choice)?;
+    }
+
+    /// In one cluster: where its surface closes it is folded, and two clusters do not see each other's faces at their border.
+    #[test]
+    fn a_knot_comes_out_no_worse_than_it_was(sketch in knots(), choice in choices()) {
+        news(&sketch, &Choice { cluster_faces: 1_000_000, ..choice })?;
+    }
+
+    #[test]
+    fn cubes_come_out_no_worse_than_they_were(sketch in cubes(), choice in choices()) {
         news(&sketch, &choice)?;
     }
 

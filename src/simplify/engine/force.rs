@@ -1,8 +1,11 @@
 //! Forces a target: faces may fold or turn over where a number of faces can be reached only that way.
 
 use super::Engine;
+use crate::base::id::TiVec;
 use crate::cost::Metric;
+use crate::mesh::class::Class;
 use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::id::LocalVertex;
 use crate::simplify::changes::Changes;
 use crate::simplify::refusal::Refusal;
 use crate::simplify::shape_rule::ShapeRule;
@@ -14,9 +17,14 @@ const SHARE_MIN: f64 = 0.5;
 /// The state before the target is forced.
 struct Unforced {
     mesh: ClusterMesh,
+    classes: TiVec<LocalVertex, Class>,
     changes: Changes,
     refusals: [u64; Refusal::COUNT],
     squared_error: f64,
+    last_cost: f32,
+    spare_edges: i64,
+    seam_vertices: u64,
+    area: f64,
     milestones: usize,
     collapses: Option<usize>,
 }
@@ -31,14 +39,14 @@ impl<M: Metric> Engine<M> {
         let unforced = self.remember();
         let excess_before = excess(self);
         let mut forced = result;
-        while let Some(weaker) = self.collapser.shape_rule().weaker() {
+        while !forced.reached
+            && let Some(weaker) = self.collapser.shape_rule().weaker()
+        {
             self.collapser.set_shape_rule(weaker);
             forced = forced.then(self.run_and_cut(stop));
-            if forced.reached {
-                return forced;
-            }
         }
-        if excess(self) <= (1.0 - SHARE_MIN) * excess_before {
+        self.collapser.set_shape_rule(ShapeRule::Strict);
+        if forced.reached || excess(self) <= (1.0 - SHARE_MIN) * excess_before {
             return forced;
         }
         self.return_to(unforced);
@@ -49,9 +57,14 @@ impl<M: Metric> Engine<M> {
         self.tidy();
         Unforced {
             mesh: self.mesh.clone(),
+            classes: self.classes.clone(),
             changes: self.changes,
             refusals: self.refusals,
             squared_error: self.squared_error,
+            last_cost: self.last_cost,
+            spare_edges: self.spare_edges,
+            seam_vertices: self.seam_vertices,
+            area: self.stage_area,
             milestones: self.milestones.len(),
             collapses: self.log.as_ref().map(Vec::len),
         }
@@ -59,14 +72,18 @@ impl<M: Metric> Engine<M> {
 
     fn return_to(&mut self, unforced: Unforced) {
         self.mesh = unforced.mesh;
+        self.classes = unforced.classes;
         self.changes = unforced.changes;
         self.refusals = unforced.refusals;
         self.squared_error = unforced.squared_error;
+        self.last_cost = unforced.last_cost;
+        self.spare_edges = unforced.spare_edges;
+        self.seam_vertices = unforced.seam_vertices;
+        self.stage_area = unforced.area;
         self.milestones.truncate(unforced.milestones);
         if let (Some(log), Some(collapses)) = (&mut self.log, unforced.collapses) {
             log.truncate(collapses);
         }
-        self.collapser.set_shape_rule(ShapeRule::Strict);
         self.is_tidy = false;
         self.is_classified = false;
         self.prepare();

@@ -37,15 +37,21 @@ impl<M: Metric> Engine<M> {
         self.follow_changes(&changed);
     }
 
-    /// Cuts the shortest handles, and those of similar length. Returns whether any was cut.
+    /// Cuts the shortest handles that can be cut, with those of similar length. Returns whether any was cut.
     pub(super) fn cut_shortest_handles(&mut self) -> bool {
         self.prepare();
-        let mut handles = self.handles(f64::INFINITY);
-        let Some(shortest_sq) = handles.first().map(|handle| handle.length_sq) else { return false };
-        handles.retain(|handle| handle.length_sq <= HANDLES_SQ * shortest_sq);
-        let changed = self.cut(&handles);
-        self.follow_changes(&changed);
-        !changed.is_empty()
+        let handles = self.handles(f64::INFINITY);
+        let mut longer = &handles[..];
+        while let Some(shortest) = longer.first() {
+            let similar = longer.partition_point(|handle| handle.length_sq <= HANDLES_SQ * shortest.length_sq);
+            let changed = self.cut(&longer[..similar]);
+            if !changed.is_empty() {
+                self.follow_changes(&changed);
+                return true;
+            }
+            longer = &longer[similar..];
+        }
+        false
     }
 
     pub(super) fn cuts_handles(&self) -> bool {

@@ -150,12 +150,14 @@ fn expected(case: &Case, pairs: &[WedgePair]) -> Result<Outcome, Refusal> {
             left: left.iter().copied().filter(|&face| case.vertices(face).contains(&vertex)).collect(),
         })
         .collect();
-    match last_double.filter(|_| left.is_empty()) {
+    let is_left_at = |edge: &[LocalVertex; 2]| case.faces_with(edge).difference(&dying).next().is_some();
+    let stays = !left.is_empty() || far_sides.iter().any(is_left_at);
+    match last_double.filter(|_| !stays) {
         Some(double) => {
             dying.remove(&double);
         }
         None if !beside.iter().all(|beside| is_allowed(case, beside)) => return Err(Refusal::Topology),
-        None if left.is_empty() && !fan.is_alone => return Err(Refusal::Piece),
+        None if !stays && !fan.is_alone => return Err(Refusal::Piece),
         None => far_sides.iter().try_for_each(|&edge| check_far_side(case, edge, &dying, pairs))?,
     }
     let mut stranded = Vec::new();
