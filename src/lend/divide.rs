@@ -22,7 +22,14 @@ pub struct LentItem<I> {
 impl LentItem<ClusterId> {
     /// The clusters of a partition that other processes can do, by their faces.
     pub fn clusters_of(partition: &Partition) -> Vec<Self> {
-        partition.loadable().map(|item| Self { item, size: partition.face_count(item) }).collect()
+        Self::among(partition, partition.clusters())
+    }
+
+    /// Those among some clusters of a partition that other processes can do, by their faces.
+    pub fn among(partition: &Partition, clusters: impl IntoIterator<Item = ClusterId>) -> Vec<Self> {
+        let is_loadable = |cluster: &ClusterId| partition.weight(*cluster).is_some();
+        let item = |item| Self { item, size: partition.face_count(item) };
+        clusters.into_iter().filter(is_loadable).map(item).collect()
     }
 }
 

@@ -22,10 +22,12 @@ use crate::partition::{ClusterId, ClusterSource, Partition, heavy};
 /// Clusters after which freed memory is returned to the system; by then the heaps of the threads are fragmented.
 const CLUSTERS_PER_RELEASE: usize = 64;
 
-/// One run over all clusters of a pass.
+/// One run over clusters of a pass.
 pub(super) struct Sweep<'a> {
     pub pass: Pass,
     pub partition: &'a Partition,
+    /// The clusters, ascending.
+    pub clusters: Vec<ClusterId>,
     /// Number of the trial, or of the attempt.
     pub number: u32,
     pub plan: SweepPlan,
@@ -99,8 +101,8 @@ impl Run<'_> {
         }
     }
 
-    /// Simplifies every cluster that has faces, and writes it unless this is a trial; passes results to `commit` in
-    /// cluster order. Reuses results that an earlier process recorded.
+    /// Simplifies the clusters that have faces, and writes them unless this is a trial; passes results to `commit` in
+    /// their order. Reuses results that an earlier process recorded.
     pub(super) fn sweep(&self, sweep: &Sweep<'_>, mut commit: impl FnMut(ClusterResult) -> Result<()>) -> Result<()> {
         let mut done = 0;
         let commit = |result| {
@@ -111,7 +113,7 @@ impl Run<'_> {
             commit(result)
         };
         let lent = self.lend_sweep(sweep)?;
-        let clusters = sweep.partition.clusters();
+        let clusters = sweep.clusters.iter().copied();
         let threads = self.options.threads;
         let crew = Crew { threads, finishers: threads };
         let work = |cluster| self.simplify_or_recall(sweep, &lent, cluster);

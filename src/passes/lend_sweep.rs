@@ -59,7 +59,7 @@ impl Run<'_> {
     pub(super) fn lend_sweep(&self, sweep: &Sweep<'_>) -> Result<LentResults<ClusterId>> {
         let what = Lendable {
             kind: SWEEP,
-            items: LentItem::clusters_of(sweep.partition),
+            items: LentItem::among(sweep.partition, sweep.clusters.iter().copied()),
             prefix: sweep.prefix_of_several(),
             parent: Some(sweep.parent()),
             arithmetic: &|| Ok(arithmetic::of_collapses(self.options.cost)),

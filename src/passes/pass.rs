@@ -5,7 +5,7 @@ use std::time::Instant;
 use super::cluster_task::probing_of;
 use super::clusters::Sweep;
 use super::pass_id::Pass;
-use super::records::PassSetup;
+use super::records::{ClusterResult, PassSetup};
 use super::run::Run;
 use super::sample;
 use super::schedule::PassEnd;
@@ -21,9 +21,8 @@ use crate::job::{Step, StepKey, folder_bytes};
 use crate::mesh::ClusterMesh;
 use crate::os::mmap;
 use crate::partition::cells::fits_one;
-use crate::partition::{self, Partition, PartitionOptions, write_shared};
+use crate::partition::{self, ClusterId, Partition, PartitionOptions, write_shared};
 use crate::read::INPUT;
-use crate::render::ClusterMap;
 
 /// Threshold of an extra pass, as a factor on the threshold of the pass before it.
 const EXTRA_PASS_RISE: f32 = 4.0;
@@ -199,28 +198,37 @@ impl Run<'_> {
         [&[INPUT, PROBES], self.options.kept_steps, &self.kept].concat()
     }
 
-    /// Simplifies every cluster once, up to its stop.
+    /// Simplifies clusters once, up to their stops; returns their results in the same order.
     pub(super) fn attempt(
         &self,
         pass: Pass,
         partition: &Partition,
         stops: &StopRule,
-        attempt: u32,
-    ) -> Result<SweepResult> {
+        number: u32,
+        clusters: Vec<ClusterId>,
+    ) -> Result<Vec<ClusterResult>> {
         let phase = if pass.is_first_turn() { "simplify" } else { "stitch" };
-        self.progress.begin(phase, partition.total_faces(), "faces");
-        *self.map() = self.options.map.map(ClusterMap::new);
+        self.progress.begin(phase, clusters.iter().map(|&cluster| partition.face_count(cluster)).sum(), "faces");
         let output = SweepOutput::Mesh {
             survey: self.survey(partition, pass),
             optimize: self.options.optimize && pass.turn + 1 >= self.options.passes,
         };
         let plan = self.plan_sweep(pass, partition, stops, output);
-        let sweep = Sweep { pass, partition, number: attempt, plan };
+        let mut results = Vec::with_capacity(clusters.len());
+        let sweep = Sweep { pass, partition, clusters, number, plan };
+        self.sweep(&sweep, |result| {
+            results.push(result);
+            Ok(())
+        })?;
+        Ok(results)
+    }
+
+    /// Sums the results of all clusters, and writes the vertices that they share.
+    pub(super) fn sum(&self, pass: Pass, partition: &Partition, results: Vec<ClusterResult>) -> Result<SweepResult> {
         let mut sum = SweepResult::default();
         let mut squared_error = 0.0;
-        self.sweep(&sweep, |result| {
+        for result in results {
             sum.counters += &result.counters;
-            sum.cluster_faces.push(result.counters.faces_out);
             sum.report.threshold = sum.report.threshold.max(f64::from(result.cost));
             sum.stages.add(result.counters.faces_in, result.area, &result.milestones);
             sum.area += result.area;
@@ -228,8 +236,7 @@ impl Run<'_> {
             result.patch.iter().for_each(|patch| sample::append(&mut sum.sample, patch));
             result.probes.into_iter().for_each(|probes| sum.probes.add(probes));
             sum.mesh.pieces.extend(result.pieces);
-            Ok(())
-        })?;
+        }
         sum.squared_error = if sum.area > 0.0 { squared_error / sum.area } else { 0.0 };
         sum.report.clusters = partition.filled_count();
         sum.report.faces_in = partition.total_faces();

@@ -47,7 +47,7 @@ pub(super) enum StopRule {
 }
 
 /// How one cluster stops.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) enum ClusterStop {
     /// Keep these shares of the free faces at the end of each stage.
     Shares(Vec<f64>),

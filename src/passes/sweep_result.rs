@@ -3,10 +3,8 @@
 use super::counters::Counters;
 use super::outcome::{PassReport, StageSums};
 use super::probes::Probes;
-use crate::base::id::TiVec;
 use crate::mesh::ClusterMesh;
 use crate::model::StoredMesh;
-use crate::partition::ClusterId;
 
 /// Result of a sweep over all clusters.
 #[derive(Debug, Default)]
@@ -18,13 +16,11 @@ pub(super) struct SweepResult {
     pub counters: Counters,
     /// Probes of the mesh before the pass, if that is the input.
     pub probes: Probes,
-    /// Faces left in each cluster.
-    pub cluster_faces: TiVec<ClusterId, u64>,
     pub stages: StageSums,
     /// Mean squared deviation that the pass added, in units of length².
     pub squared_error: f64,
     /// Surface area at the start of the last stages.
     pub area: f64,
-    /// Whether this is a second attempt, because collapses that cost far more ended the first.
+    /// Whether collapses that cost far more ended the first attempt.
     pub met_wall: bool,
 }

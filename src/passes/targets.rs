@@ -133,7 +133,7 @@ impl Run<'_> {
     }
 
     /// Reports whether clusters are so large at the target that one face too few in each does not matter.
-    fn has_large(&self, partition: &Partition) -> bool {
+    pub(super) fn has_large(&self, partition: &Partition) -> bool {
         partition.filled_count() * SHARED_TRIM_FACES <= self.options.target
     }
 
@@ -157,9 +157,10 @@ impl Run<'_> {
         loop {
             let mut merged = MergedLog::default();
             let mut clusters = partition.clusters();
+            let all = partition.clusters().collect();
             let everything = StopRule::Costs(vec![cost]);
             let plan = self.plan_sweep(pass, partition, &everything, SweepOutput::Log);
-            let sweep = Sweep { pass, partition, number: trial, plan };
+            let sweep = Sweep { pass, partition, clusters: all, number: trial, plan };
             self.sweep(&sweep, |result| {
                 clusters
                     .next()

@@ -51,25 +51,34 @@ fn equal_shares(faces: &[u64], target: u64) -> Vec<u64> {
     faces.iter().map(keep_of).collect()
 }
 
-/// Returns the faces that each cluster keeps so that they sum to `target`, clamped to what is possible, after a run
-/// reduced them from `before` to `after`. All give back the same share of what they lost, so none needs more than it
-/// had.
-pub fn halfway(
+/// Returns the faces at which clusters stop so that the sum is `target`, clamped to what is possible, after a run reduced
+/// them from `before` to `after`; 0 where that run stands. As few clusters as possible, evenly spread, give back the same
+/// share of what they lost.
+pub fn give_back(
     before: &TiSlice<ClusterId, u64>,
     after: &TiSlice<ClusterId, u64>,
     target: u64,
 ) -> TiVec<ClusterId, u64> {
-    let [all, left] = [before, after].map(|faces| faces.iter().sum::<u64>());
-    let (wanted, way) = (target.clamp(left.min(all), all) - left.min(all), all.saturating_sub(left).max(1));
-    let (mut stretch, mut given) = (0u64, 0);
-    let mut keep_of = |(&before, &after): (&u64, &u64)| {
-        stretch += before.saturating_sub(after);
-        let due = (u128::from(stretch) * u128::from(wanted) / u128::from(way)) as u64;
-        let more = due - given;
-        given = due;
-        after.min(before) + more
+    let lost = |cluster: ClusterId| before[cluster].saturating_sub(after[cluster]);
+    let all: u64 = after.iter().sum();
+    let missing = target.saturating_sub(all);
+    let is_enough = |chosen: &Vec<ClusterId>| {
+        let room = |&cluster: &ClusterId| lost(cluster).min((SPREAD_SHARE * after[cluster] as f64) as u64);
+        missing <= chosen.iter().map(room).sum()
     };
-    before.iter().zip(after).map(&mut keep_of).collect()
+    let count = (missing as f64 / (SPREAD_SHARE * all.max(1) as f64) * after.len() as f64) as usize;
+    let some = (count.max(1)..after.len()).map(|count| evenly_spread(before, count)).find(is_enough);
+    let chosen = some.unwrap_or_else(|| evenly_spread(before, before.len()));
+    let way: u64 = chosen.iter().map(|&cluster| lost(cluster)).sum();
+    let (mut stretch, mut given) = (0, 0);
+    let mut stops: TiVec<ClusterId, u64> = vec![0; before.len()].into();
+    for cluster in chosen {
+        stretch += lost(cluster);
+        let due = (u128::from(stretch) * u128::from(missing.min(way)) / u128::from(way.max(1))) as u64;
+        stops[cluster] = if due > given { after[cluster] + due - given } else { 0 };
+        given = due;
+    }
+    stops
 }
 
 /// A collapse in the queue of all clusters.
@@ -231,18 +240,39 @@ mod tests {
     }
 
     #[test]
-    fn a_cluster_that_lost_nothing_is_not_asked_for_more_than_it_has() {
-        let between = |before: &[u64], after: &[u64], target| {
-            halfway(TiSlice::from_ref(before), TiSlice::from_ref(after), target).raw
+    fn few_clusters_give_back_and_none_more_than_it_lost() {
+        let stops = |before: &[u64], after: &[u64], target| {
+            give_back(TiSlice::from_ref(before), TiSlice::from_ref(after), target).raw
         };
-        let (before, after) = ([100, 1000, 0], [100, 10, 0]);
+        // Two of ten have room for 110 faces of 1,000.
+        let stopped = stops(&[200; 10], &[100; 10], 1011);
+        assert_eq!(stopped.iter().filter(|&&stop| stop > 0).count(), 2);
+        assert_eq!(stopped.iter().map(|stop| stop.saturating_sub(100)).sum::<u64>(), 11);
+        // One that lost nothing has nothing to give back.
         for target in [110, 150, 500, 1100] {
-            let keep = between(&before, &after, target);
-            assert_eq!(keep.iter().sum::<u64>(), target);
-            assert!(keep.iter().zip(&before).all(|(keep, before)| keep <= before));
+            let stopped = stops(&[100, 1000, 0], &[100, 10, 0], target);
+            assert_eq!(stopped, [0, if target > 110 { target - 100 } else { 0 }, 0]);
         }
-        assert_eq!(between(&[10, 10], &[0, 0], 10), [5, 5]);
-        assert!(between(&[], &[], 3).is_empty());
+        assert_eq!(stops(&[10, 10], &[0, 0], 10), [5, 5]);
+        assert_eq!(stops(&[10, 10], &[5, 5], 8), [0, 0]);
+        assert!(stops(&[], &[], 3).is_empty());
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_given_back_adds_up(
+            faces in proptest::collection::vec((0u64..9_000, 0.0..1.0f64), 1..30),
+            share in 0.0..1.2f64,
+        ) {
+            let before: Vec<u64> = faces.iter().map(|&(before, _)| before).collect();
+            let after: Vec<u64> = faces.iter().map(|&(before, left)| (before as f64 * left) as u64).collect();
+            let [all, left]: [u64; 2] = [before.iter().sum(), after.iter().sum()];
+            let target = left + ((all - left) as f64 * share) as u64;
+            let stopped = give_back(TiSlice::from_ref(&before), TiSlice::from_ref(&after), target);
+            let ends = || stopped.iter().zip(&after).map(|(&stop, &after)| if stop > 0 { stop } else { after });
+            prop_assert_eq!(ends().sum::<u64>(), target.min(all));
+            prop_assert!(ends().zip(&before).zip(&after).all(|((end, before), after)| end <= *before && end >= *after));
+        }
     }
 
     #[test]
