@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::hash::Hash;
 
+use foldhash::fast::RandomState;
 use glam::DVec2;
 
 use super::cluster::ClusterMesh;
@@ -26,7 +27,7 @@ pub fn compact<L: Copy + Eq + Hash>(mesh: &ClusterMesh, label_of: impl Fn(PartId
     let mut compacted = Compacted { mesh: ClusterMesh::default(), vertices: TiVec::new(), wedges: TiVec::new() };
     let mut vertex_of = mesh.per_vertex(LocalVertex::NONE);
     let mut wedge_of = mesh.per_wedge(Wedge::NONE);
-    let mut known: HashMap<(LocalVertex, L, [u64; 2]), Wedge> = HashMap::new();
+    let mut known: HashMap<(LocalVertex, L, [u64; 2]), Wedge, RandomState> = HashMap::default();
     for face in mesh.face_ids() {
         let (part, label) = (mesh.parts[face], label_of(mesh.parts[face]));
         let corners = mesh.corners[face].map(|wedge| {

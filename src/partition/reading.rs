@@ -6,6 +6,7 @@
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
+use foldhash::fast::RandomState;
 use glam::{DVec2, DVec3};
 
 use super::Partition;
@@ -73,7 +74,7 @@ impl ClusterFaces {
         without_doubles: bool,
     ) -> Self {
         if weld {
-            let mut firsts = HashMap::with_capacity(positions.len());
+            let mut firsts = HashMap::with_capacity_and_hasher(positions.len(), RandomState::default());
             let first_of = |(vertex, &position)| *firsts.entry(position_key(position)).or_insert(vertex);
             let firsts: TiVec<PartitionVertex, PartitionVertex> = positions.iter_enumerated().map(first_of).collect();
             faces.iter_mut().for_each(|face| face.vertices = face.vertices.map(|v| firsts[v]));

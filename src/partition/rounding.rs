@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use foldhash::fast::RandomState;
 use glam::DVec3;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -44,7 +45,7 @@ pub(super) struct TakenPlaces {
     /// Position of each vertex before it moved.
     before: TiVec<PieceVertex, DVec3>,
     /// One vertex at each position; only looked up, never iterated.
-    at: HashMap<[u64; 3], PieceVertex>,
+    at: HashMap<[u64; 3], PieceVertex, RandomState>,
 }
 
 impl TakenPlaces {
