@@ -134,12 +134,21 @@ impl WorkFolder {
         sync(&self.journal)
     }
 
+    /// Makes all records durable before files are removed because of them, where the job must outlast a power cut.
+    ///
+    /// # Errors
+    /// Those of [`sync`](WorkFolder::sync).
+    pub fn sync_before_removal(&self) -> Result<()> {
+        self.wait_until_durable()?;
+        sync_before_removal(&self.journal)
+    }
+
     /// Reports whether steps of an earlier process were found.
     pub fn is_resumed(&self) -> bool {
         self.is_resumed
     }
 
-    /// RecordedSteps that an earlier process finished, latest first.
+    /// Steps that an earlier process finished, latest first.
     pub fn latest(&self) -> Vec<StepKey> {
         lock(&self.steps).latest()
     }

@@ -57,7 +57,7 @@ impl TileReport {
             0 => {}
             reduced => drop(writeln!(text, "tiles with longer texels, to fit an image: {reduced}")),
         }
-        let _ = writeln!(text, "bytes: {}", sum(|level| level.bytes));
+        let _ = writeln!(text, "bytes of tiles: {}", sum(|level| level.bytes));
         let _ = writeln!(text, "seconds: {:.1}", self.seconds);
         let _ = writeln!(text, "peak memory: {}", bytes::display(self.peak_resident));
         text

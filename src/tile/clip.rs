@@ -27,7 +27,7 @@ pub enum ClipEdge {
     /// A cut of the triangle.
     Cut {
         /// Its number.
-        number: u16,
+        number: u32,
         /// Axis that is normal to its plane.
         axis: u8,
     },
@@ -94,7 +94,7 @@ impl<'a> Clipper<'a> {
 
     /// Divides a polygon that lies on both sides of a plane.
     fn divide(&mut self, polygon: &[ClipCorner], axis: usize, plane: f64) -> [Polygon; 2] {
-        let cut = ClipEdge::Cut { number: self.cuts.len() as u16, axis: axis as u8 };
+        let cut = ClipEdge::Cut { number: self.cuts.len() as u32, axis: axis as u8 };
         self.cuts.push(Vec::new());
         let mut parts = [Polygon::with_capacity(polygon.len() + 1), Polygon::with_capacity(polygon.len() + 1)];
         for (at, corner) in polygon.iter().enumerate() {
@@ -114,7 +114,7 @@ impl<'a> Clipper<'a> {
             if side.reverse() == next_side && side != Ordering::Equal {
                 let (position, texcoord) = meeting(corner, next, axis, plane);
                 if let ClipEdge::Cut { number: other, .. } = corner.edge {
-                    self.cuts[usize::from(other)].push((position, texcoord));
+                    self.cuts[other as usize].push((position, texcoord));
                 }
                 let (left, entered) = if side == Ordering::Less { (0, 1) } else { (1, 0) };
                 parts[left].push(ClipCorner { position, texcoord, edge: cut });
@@ -136,7 +136,7 @@ impl<'a> Clipper<'a> {
             let inside = |(point, _): &(DVec3, DVec2)| {
                 *point != start && *point != end && (0.0..=place(end)).contains(&place(*point))
             };
-            let mut points: Vec<(DVec3, DVec2)> = self.cuts[usize::from(cut)].iter().copied().filter(inside).collect();
+            let mut points: Vec<(DVec3, DVec2)> = self.cuts[cut as usize].iter().copied().filter(inside).collect();
             points.sort_by(|a, b| place(a.0).total_cmp(&place(b.0)));
             points.dedup_by_key(|point| point.0);
             let divided = |(position, texcoord)| ClipCorner { position, texcoord, edge: corner.edge };

@@ -63,7 +63,10 @@ impl Recalled for CutRecord {
     }
 
     fn is_sound(&self, tree: &&TileTree) -> bool {
-        self.tiles.is_sound(tree) && self.triangles.is_sound() && self.triangles.cell_count() == self.tiles.tiles.len()
+        let tiles = self.tiles.tiles.len();
+        self.tiles.is_sound(tree)
+            && self.triangles.is_sound()
+            && [self.triangles.cell_count(), self.deviations.len()] == [tiles; 2]
     }
 }
 
@@ -238,7 +241,10 @@ impl Pyramid<'_> {
             all.raws.push(ready.raw);
             Ok(())
         })?;
-        below.iter().flat_map(|below| &below.raws).flatten().for_each(RawTile::remove);
+        if let Some(below) = &below {
+            work.sync_before_removal()?;
+            below.raws.iter().flatten().for_each(RawTile::remove);
+        }
         lent.remove(work.path());
         Ok(all)
     }

@@ -227,6 +227,18 @@ fn a_job_that_stops_between_tiles_goes_on_with_the_next_one() {
 }
 
 #[test]
+fn tilesets_that_name_each_other_are_read_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let child =
+        r#"{"boundingVolume":{"box":[0,0,0,1,0,0,0,1,0,0,0,1]},"geometricError":1,"content":{"uri":"tileset.json"}}"#;
+    let root = child.replacen("\"content\":{\"uri\":\"tileset.json\"}", &format!("\"children\":[{child},{child}]"), 1);
+    let text = format!(r#"{{"asset":{{"version":"1.1"}},"geometricError":1,"root":{root}}}"#);
+    fs::write(folder.path().join("tileset.json"), text).unwrap();
+    let check = check_tileset(folder.path(), &Silent).unwrap();
+    assert_eq!((check.tiles, check.fault_count), (3, 2), "{:?}", check.faults);
+}
+
+#[test]
 fn compressed_tiles_have_the_same_triangles() {
     let folder = tempfile::tempdir().unwrap();
     let run = |name: &str, compress: TileCompression, threads: usize| {
@@ -334,12 +346,22 @@ fn the_program_makes_tiles_and_finds_what_is_damaged() {
     let town = town.to_str().unwrap();
     let (code, text, _) = program(&["tile", town, "--tile-faces", "2k", "--origin", "5.66,51.97,10", "-o"]);
     assert!(code == Some(0) && text.contains("level") && text.contains("tiles: "), "{text}");
+    let columns_of = |text: &str| {
+        let lines = text.lines().filter(|line| line.starts_with(' ')).map(|line| line.replace("  ", "\t"));
+        let cells = |line: String| line.split('\t').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
+        lines.map(|line| cells(line).into_iter().filter(|cell| !cell.is_empty()).collect()).collect::<Vec<Vec<_>>>()
+    };
+    let made = columns_of(&text);
     let root = &tiles_of(&output)[0].0;
     let transform: Vec<f64> = root["transform"].as_array().unwrap().iter().map(|at| at.as_f64().unwrap()).collect();
     // The first axis points east, and has the length of a metre.
     assert!(transform[2] == 0.0 && (DVec2::new(transform[0], transform[1]).length() - 1.0).abs() < 1e-9);
     let (code, text, _) = program(&["check"]);
     assert!(code == Some(0) && text.contains("faults: 0"), "{text}");
+    // Levels, tiles, triangles of all and of the largest tile are written alike.
+    for (made, found) in made.iter().zip(columns_of(&text)) {
+        assert_eq!((&made[..1], &made[1..4]), (&found[..1], &found[2..5]), "{text}");
+    }
     let tile = fs::read_dir(output.join("0")).unwrap().next().unwrap().unwrap().path();
     let whole = fs::read(&tile).unwrap();
     for (damage, words) in [(whole[..whole.len() - 8].to_vec(), "another length"), (Vec::new(), "no GLB")] {

@@ -15,7 +15,7 @@ mod borders;
 mod content;
 mod errors;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::path::{Component, Path, PathBuf};
 
 use glam::DVec3;
@@ -28,7 +28,7 @@ pub use self::errors::TilesetInput;
 use self::errors::{ErrorScale, LevelErrors, TileErrors};
 use super::tileset::TILESET;
 use crate::base::error::{escape, escape_path};
-use crate::base::{Error, Findings, Progress, Result};
+use crate::base::{Error, Findings, Progress, Result, grouped};
 use crate::geometry::boxtree::Bounds;
 use crate::os::system::is_file;
 
@@ -42,7 +42,7 @@ const ROUNDING: f64 = 1e-9;
 /// What was found in a folder of tiles.
 #[derive(Debug, Default, Serialize)]
 pub struct TilesetCheck {
-    /// Tiles, and those with content.
+    /// Tiles, with or without content.
     pub tiles: u64,
     /// Files with content.
     pub contents: u64,
@@ -105,6 +105,8 @@ struct Checking<'a> {
     found: TilesetCheck,
     /// By the bits of the step, which is positive.
     levels: BTreeMap<u64, (LevelCheck, BorderEdges)>,
+    /// Files of the tilesets that were read.
+    tilesets: HashSet<PathBuf>,
     faults: Findings,
 }
 
@@ -125,6 +127,7 @@ impl<'a> Checking<'a> {
             progress,
             found: TilesetCheck::default(),
             levels: BTreeMap::new(),
+            tilesets: HashSet::new(),
             faults: Findings::default(),
         }
     }
@@ -157,6 +160,11 @@ impl<'a> Checking<'a> {
     }
 
     fn tileset(&mut self, path: &Path, above: Above) -> Result<()> {
+        // Tilesets that name each other twice would otherwise take exponential time.
+        if !self.tilesets.insert(path.to_owned()) {
+            self.fault("tileset", path, "several tiles name it");
+            return Ok(());
+        }
         let Some(bytes) = self.read(path)? else { return Ok(()) };
         let document: Value = match serde_json::from_slice(&bytes) {
             Ok(document) => document,
@@ -313,22 +321,23 @@ impl TilesetCheck {
     /// The levels as a table, and the faults.
     pub fn table(&self) -> String {
         use std::fmt::Write as _;
-        let mut text = String::from("   step   tiles   triangles   most   border edges   unequal   longest skirt\n");
-        for level in self.levels.iter().rev() {
+        let mut text =
+            String::from("level     step   tiles   triangles   most   border edges   unequal   longest skirt\n");
+        for (number, level) in self.levels.iter().enumerate().rev() {
             let _ = writeln!(
                 text,
-                "{:7.4} {:7} {:11} {:6} {:14} {:9} {:15.4}",
+                "{number:5} {:8.4} {:>7} {:>11} {:>6} {:>14} {:>9} {:15.4}",
                 level.step,
-                level.tiles,
-                level.triangles,
-                level.triangles_max,
-                level.border_edges,
-                level.unequal_edges,
+                grouped(level.tiles),
+                grouped(level.triangles),
+                grouped(level.triangles_max),
+                grouped(level.border_edges),
+                grouped(level.unequal_edges),
                 level.longest_skirt,
             );
         }
         let _ = writeln!(text, "tiles: {}", self.tiles);
-        let _ = writeln!(text, "bytes: {}", self.bytes);
+        let _ = writeln!(text, "bytes with {TILESET}: {}", self.bytes);
         if self.measured > 0 {
             let _ = writeln!(text, "tiles measured against the input: {}", self.measured);
         }
