@@ -176,24 +176,22 @@ pub fn escape_path(path: &Path) -> String {
     escape(path.as_os_str().as_encoded_bytes())
 }
 
+/// Characters of a text from the input that a message shows.
+const ESCAPED_MAX: usize = 200;
+
 /// Formats text from the input for a message: escapes control characters, invisible ones and invalid UTF-8; truncates
 /// after 200 characters.
 pub fn escape(text: &[u8]) -> String {
+    let shown = |c: char| if is_unseen(c) { c.escape_default().to_string() } else { c.to_string() };
+    let escaped = text.utf8_chunks().flat_map(|chunk| {
+        let invalid = chunk.invalid().iter().map(|byte| format!("\\x{byte:02x}"));
+        chunk.valid().chars().map(shown).chain(invalid)
+    });
     let mut out = String::new();
-    for chunk in text.utf8_chunks() {
-        for c in chunk.valid().chars() {
-            if is_unseen(c) {
-                out.extend(c.escape_default());
-            } else {
-                out.push(c);
-            }
-        }
-        for byte in chunk.invalid() {
-            out.push_str(&format!("\\x{byte:02x}"));
-        }
-        if out.chars().count() > 200 {
-            let cut: String = out.chars().take(200).collect();
-            return cut + "…";
+    for part in escaped {
+        out += &part;
+        if out.chars().count() > ESCAPED_MAX {
+            return out.chars().take(ESCAPED_MAX).chain(['…']).collect();
         }
     }
     out

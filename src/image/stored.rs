@@ -125,10 +125,12 @@ impl StoredImage {
 
     /// Reports whether a recalled and located value is consistent with its file.
     pub fn is_sound(&self) -> bool {
-        let [across, down] = self.tiles();
-        let bytes = HEADER_BYTES + (across * down) as u64 * TILE_BYTES as u64;
+        let bytes = || {
+            let [across, down] = self.tiles();
+            HEADER_BYTES + (across * down) as u64 * TILE_BYTES as u64
+        };
         self.size.iter().all(|&side| (1..1 << 24).contains(&side))
-            && self.path.metadata().is_ok_and(|file| file.len() == bytes)
+            && self.path.metadata().is_ok_and(|file| file.len() == bytes())
     }
 
     fn tiles(&self) -> [usize; 2] {

@@ -1,11 +1,12 @@
 //! Writes an array file: the records of [`ArrayLayout`].
 //!
 //! In: the used ids and the faces. Out: bytes in a durable file that is not committed yet. The label of a face is the
-//! name of its material if that is a number, else the number of the material; normals are not written.
+//! name of its material if that is a number, else the number of the material, or a free one; normals are not written.
 //!
 //! # Memory
 //! The blocks in flight, within the memory given.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use glam::DVec3;
@@ -16,10 +17,10 @@ use super::order::PartPlace;
 use super::ply::PlyImages;
 use super::result_file::{Replaced, ResultFile};
 use super::sink::{MeshSink, ResultMesh};
+use crate::base::id::TiVec;
 use crate::base::ordered::map_within;
 use crate::base::{Findings, Result};
 use crate::file::{PackedColumn, Segment};
-use crate::model::Catalogue;
 use crate::model::array_file::{ArrayLayout, NONE};
 use crate::model::id::{MaterialId, MeshVertex};
 use crate::os::content::Content;
@@ -34,6 +35,8 @@ const BLOCK_BYTES: u64 = BLOCK_RECORDS * 2 * 36;
 pub(super) struct ArraySink {
     file: ResultFile,
     images: PlyImages,
+    /// Label of the faces of each material.
+    labels: TiVec<MaterialId, u32>,
     /// What the file holds, once it has begun.
     layout: Option<ArrayLayout>,
     replaced: Replaced,
@@ -53,13 +56,13 @@ impl ArraySink {
     /// If the file cannot be created.
     pub(super) fn begin(target: &Path, job: u64, images: PlyImages) -> Result<Self> {
         let file = ResultFile::create(target, job)?;
-        Ok(Self { file, images, layout: None, replaced: Replaced::default() })
+        Ok(Self { file, images, labels: TiVec::new(), layout: None, replaced: Replaced::default() })
     }
 
     fn describe(&self, result: &ResultMesh<'_>) -> ArrayLayout {
         let catalogue = result.catalogue;
         let image_of = |(material, image): (MaterialId, &Option<usize>)| {
-            image.map(|image| (label_of(catalogue, material), self.images.names[image].clone()))
+            image.map(|image| (self.labels[material], self.images.names[image].clone()))
         };
         ArrayLayout {
             vertices: result.usage.vertices.len(),
@@ -88,6 +91,7 @@ impl ArraySink {
 
 impl MeshSink for ArraySink {
     fn vertices(&mut self, result: &ResultMesh<'_>) -> Result<()> {
+        self.labels = labels_of(result.catalogue.materials.iter().map(|material| &material.name));
         let layout = self.describe(result);
         self.file.write(&layout.encode())?;
         let (used, has_colours) = (&result.usage.vertices, layout.has_colours);
@@ -142,13 +146,13 @@ impl MeshSink for ArraySink {
         let result = &*result;
         let grouped = self.group_faces(result)?;
         let words = if result.form.texcoords { 6 } else { 3 };
-        let Self { file, layout, .. } = self;
+        let Self { file, labels, layout, .. } = self;
         let has_labels = layout.as_ref().is_some_and(|layout| layout.has_labels);
         grouped.drain(|groups| {
             let blocks = groups.iter().flat_map(|group| group.chunks(words * BLOCK_RECORDS as usize));
             for Group { key, words: block } in blocks {
                 let material = result.catalogue.parts[result.order.part(key)].material;
-                let label = material.map_or(NONE, |material| label_of(result.catalogue, material));
+                let label = material.map_or(NONE, |material| labels[material]);
                 let mut records = Vec::with_capacity(4 * (block.len() + block.len() / words));
                 for face in block.chunks_exact(words) {
                     face.iter().for_each(|word| records.extend_from_slice(&word.to_le_bytes()));
@@ -173,10 +177,23 @@ impl MeshSink for ArraySink {
     }
 }
 
-/// Label of the faces of a material.
-fn label_of(catalogue: &Catalogue, material: MaterialId) -> u32 {
-    let name = std::str::from_utf8(&catalogue.materials[material].name).ok();
-    name.and_then(|name| name.parse().ok()).filter(|label| *label != NONE).unwrap_or(material.number())
+/// Label of the faces of each material: its name if that is a number, else its own number; if that is taken, the lowest
+/// free one.
+fn labels_of(names: impl Iterator<Item = impl AsRef<[u8]>>) -> TiVec<MaterialId, u32> {
+    let mut taken: HashSet<u32> = HashSet::from([NONE]);
+    let number = |name: &[u8]| std::str::from_utf8(name).ok()?.parse().ok();
+    let by_name: TiVec<MaterialId, Option<u32>> =
+        names.map(|name| number(name.as_ref()).filter(|label| taken.insert(*label))).collect();
+    let mut lowest = 0;
+    let mut label = |(material, by_name): (MaterialId, &Option<u32>)| {
+        by_name.or_else(|| taken.insert(material.number()).then_some(material.number())).unwrap_or_else(|| {
+            while !taken.insert(lowest) {
+                lowest += 1;
+            }
+            lowest
+        })
+    };
+    by_name.iter_enumerated().map(&mut label).collect()
 }
 
 fn vertex_records(
@@ -201,4 +218,17 @@ fn vertex_records(
         }
     }
     Ok(block)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_two_materials_share_a_label() {
+        let labels = |names: &[&str]| labels_of(names.iter()).raw;
+        assert_eq!(labels(&["7", "wall", "3"]), [7, 1, 3]);
+        assert_eq!(labels(&["wall", "0", "door", "00", "4294967295"]), [1, 0, 2, 3, 4]);
+        assert_eq!(labels(&[]), [] as [u32; 0]);
+    }
 }

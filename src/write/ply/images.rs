@@ -64,7 +64,7 @@ fn of_materials(catalogue: &Catalogue, used: &BTreeSet<MaterialId>, textures: &m
     for &material in used {
         let Some(definition) = &catalogue.materials[material].definition else { continue };
         let Some(image) = diffuse_image(definition) else { continue };
-        let name = textures.reference(&definition.folder, &image.name)?;
+        let name = in_one_line(textures.reference(&definition.folder, &image.name)?);
         let next = images.names.len();
         let index = *known.entry(name.clone()).or_insert(next);
         if index == next {
@@ -73,4 +73,10 @@ fn of_materials(catalogue: &Catalogue, used: &BTreeSet<MaterialId>, textures: &m
         images.of_material[material] = Some(index);
     }
     Ok(images)
+}
+
+/// A name without control characters, which would end the line that it stands in.
+fn in_one_line(mut name: Vec<u8>) -> Vec<u8> {
+    name.iter_mut().filter(|c| c.is_ascii_control()).for_each(|c| *c = b' ');
+    name
 }

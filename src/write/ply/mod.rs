@@ -132,7 +132,7 @@ impl PlySink {
         let mut text = (lines.join("\n") + "\n").into_bytes();
         for name in &self.images.names {
             text.extend_from_slice(b"comment TextureFile ");
-            text.extend(name.iter().map(|&c| if c.is_ascii_control() { b' ' } else { c }));
+            text.extend_from_slice(name);
             text.push(b'\n');
         }
         let mut lines = vec![format!("element vertex {}", result.usage.vertices.len())];
