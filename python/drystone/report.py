@@ -630,6 +630,7 @@ class Inspection(Record):
     undefined_materials: int
     textures: int
     missing_textures: int
+    outside_textures: int
     welded_vertices: int
     unused_vertices: int
     topology: Topology

@@ -31,6 +31,9 @@ pub struct CheckArguments {
     mesh: PathBuf,
     /// OBJ or PLY file that the mesh was made from; only faults that it does not have count then
     ///
+    /// Without it, degenerate and duplicate faces, non-manifold edges, T-junctions and folded texture triangles count.
+    /// With it, zero-area faces, folded edges, inconsistent edges and open borders count, too
+    ///
     /// For tiles: their input, a file or a folder. No tile may lie farther from it than its geometric error says
     #[arg(long, value_name = "FILE")]
     against: Option<PathBuf>,
@@ -39,7 +42,7 @@ pub struct CheckArguments {
     json: bool,
 }
 
-/// Prints the counts; returns exit code 1 if there are new faults.
+/// Prints the counts; returns exit code 1 if there are faults, or with a mesh to compare with, new ones.
 ///
 /// # Errors
 /// If a mesh cannot be read.
@@ -78,10 +81,7 @@ impl Checked {
     fn is_bad(&self) -> bool {
         match self {
             Self::Mesh { before: Some(_), news, .. } => !news.is_empty(),
-            Self::Mesh { after, .. } => {
-                let faults = after.degenerate_faces + after.duplicate_faces + after.non_manifold_edges;
-                faults + after.t_junctions + after.uv.folded_uv > 0
-            }
+            Self::Mesh { after, .. } => !after.faults().is_empty(),
             Self::Tiles(check) => check.fault_count > 0,
         }
     }
@@ -169,7 +169,7 @@ fn words(name: &str) -> String {
     }
 }
 
-/// The counts as a table for people, with a verdict if there is a mesh to compare with.
+/// The counts as a table for people, and a verdict.
 fn table(after: &Check, before: Option<&Check>, news: &[Regression]) -> String {
     let mut text = String::new();
     let old = before.map(fields);
@@ -183,8 +183,37 @@ fn table(after: &Check, before: Option<&Check>, news: &[Regression]) -> String {
     for change in before.map_or_else(Vec::new, |before| compare_topology(before, after)) {
         let _ = writeln!(text, "changed: {change}");
     }
-    if before.is_some() && news.is_empty() {
-        text.push_str("no fault is new\n");
+    match before {
+        Some(_) if news.is_empty() => text.push_str("no fault is new\n"),
+        Some(_) => {}
+        None => text.push_str(&verdict(after)),
     }
     text
+}
+
+/// `faults: 2 duplicate faces, 1 non-manifold edge`.
+fn verdict(check: &Check) -> String {
+    let faults = check.faults();
+    if faults.is_empty() {
+        return "no fault\n".to_owned();
+    }
+    let words = |&(name, count): &(&str, u64)| format!("{count} {name}{}", if count == 1 { "" } else { "s" });
+    format!("faults: {}\n", faults.iter().map(words).collect::<Vec<_>>().join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_line_names_the_faults_that_the_exit_code_tells_of() {
+        let last = |after: Check| {
+            let checked = Checked::Mesh { after: Box::new(after), before: None, news: Vec::new() };
+            (checked.is_bad(), checked.table().lines().last().unwrap().to_owned())
+        };
+        assert_eq!(last(Check { zero_area_faces: 3, ..Check::default() }), (false, "no fault".to_owned()));
+        let doubled = Check { duplicate_faces: 800, non_manifold_edges: 1160, t_junctions: 1, ..Check::default() };
+        let words = "faults: 800 duplicate faces, 1160 non-manifold edges, 1 T-junction".to_owned();
+        assert_eq!(last(doubled), (true, words));
+    }
 }

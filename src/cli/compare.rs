@@ -36,7 +36,7 @@ pub struct CompareArguments {
     original: PathBuf,
     /// OBJ or PLY file made from it, or a folder
     result: PathBuf,
-    /// Write a report: .json for scripts, .html for people; may be repeated
+    /// Write a report: .json for scripts, .html for people; an older one is replaced; may be repeated
     ///
     /// docs/reference/comparison.md explains the numbers
     #[arg(long, value_name = "FILE")]
@@ -49,7 +49,7 @@ pub struct CompareArguments {
     /// Measure distances at the vertices of each mesh, as many papers do, instead of at points by area
     #[arg(long, conflicts_with_all = ["samples", "seed"], help_heading = heading::REPORT, hide_short_help = true)]
     vertices: bool,
-    /// Compare colours with the original's as texels with sides of this length show them, not with those at points
+    /// Average the original's colours over squares with sides of this length before comparing
     #[arg(long, value_name = "LENGTH", value_parser = quantity::parse_length)]
     #[arg(help_heading = heading::REPORT, hide_short_help = true)]
     texel: Option<f64>,
@@ -375,7 +375,7 @@ fn describe_texture(texture: &Texture, row: &mut impl FnMut(&str, String)) {
 fn distance(value: f64, diagonal: f64) -> String {
     match value {
         0.0 => "0".to_owned(),
-        _ if value < ROUNDING_SHARE * diagonal => format!("<{ROUNDING_SHARE:.0e} diagonal"),
+        _ if value < ROUNDING_SHARE * diagonal => format!("<{:.1e}", ROUNDING_SHARE * diagonal),
         _ => length(value),
     }
 }
@@ -399,7 +399,7 @@ mod tests {
 
     #[test]
     fn roundings_are_no_five_digits() {
-        assert_eq!(distance(7.0741e-18, 2.83), "<1e-12 diagonal");
+        assert_eq!(distance(7.0741e-18, 2.83), "<2.8e-12");
         assert_eq!([0.0, 1e-9, 0.5].map(|value| distance(value, 2.83)), ["0", "1.0000e-9", "0.50000"]);
     }
 }

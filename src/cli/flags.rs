@@ -57,15 +57,15 @@ pub struct JobFlags {
 
     /// Do not wait until files are on the disk: faster on slow disks
     ///
-    /// A power cut may then cost the job and damage the result. A kill costs no more than without it
+    /// A power cut may then cost the job and damage the result. A killed job still resumes
     #[arg(long, help_heading = heading::JOB, hide_short_help = true)]
     no_sync: bool,
 
-    /// Have tasks done on other machines by this command: docs/guide/machines.md
+    /// Command that has tasks done on other machines: docs/guide/machines.md
     ///
-    /// The shell runs it for each stage of the job, with {stage} replaced by the stage's file, {count} by the number of its
-    /// tasks and {last} by that less one. It runs `drystone task {stage} INDEX` for each index, and ends when no more will
-    /// be done. The result has the same bytes
+    /// The shell runs it once for each stage of the job, with {stage} replaced by the stage's file, {count} by the
+    /// number of its tasks, {last} by the number of the last task. It runs `drystone task {stage} INDEX` for each INDEX
+    /// from 0 to {last}, and exits when all tasks have ended, also those that failed. The result has the same bytes
     #[arg(long, value_name = "COMMAND", help_heading = heading::JOB, hide_short_help = true)]
     task_runner: Option<String>,
 
@@ -118,7 +118,7 @@ pub struct SimplifyFlags {
     /// Largest distance between result and input, in the mesh's unit of length
     ///
     /// Holds for every point of both surfaces. The result has as few triangles as it allows; 0 removes only what changes
-    /// nothing. With --ratio or --faces, whichever comes first
+    /// nothing. With --ratio or --faces, the run stops at the limit that it reaches first
     #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, help_heading = heading::TARGET)]
     #[arg(value_parser = quantity::parse_length)]
     max_error: Option<f64>,
@@ -135,7 +135,7 @@ pub struct SimplifyFlags {
     #[arg(long, value_enum, default_value_t = Pieces::Keep, value_name = "HOW", hide_short_help = true, help_heading = heading::INPUT)]
     pieces: Pieces,
 
-    /// Whether the surface keeps its holes, handles and pieces; it does where borders or seams are locked
+    /// Whether holes, handles and components may go. With --borders lock or --seams lock they stay
     #[arg(long, value_enum, default_value_t = Topology::Simplify, value_name = "HOW", hide_short_help = true, help_heading = heading::TARGET)]
     topology: Topology,
 
@@ -161,9 +161,7 @@ pub struct SimplifyFlags {
     #[arg(long, value_enum, value_name = "HOW", default_value_t = TextureFiles::Copy, help_heading = heading::TEXTURE)]
     textures: TextureFiles,
 
-    /// How to write textures outside of the MTL's folder
-    ///
-    /// How to write texture images that an MTL names outside of its own folder, absolute names too
+    /// What to do with images that an MTL names outside its own folder, also by absolute paths
     #[arg(long, value_enum, value_name = "HOW", default_value_t = TexturesOutside::Refer, help_heading = heading::TEXTURE)]
     #[arg(hide_short_help = true)]
     textures_outside: TexturesOutside,
@@ -194,12 +192,14 @@ pub struct SimplifyFlags {
     #[arg(long, help_heading = heading::JOB)]
     force: bool,
 
-    /// Triangles per cluster, about; 1000 to 10 million. Changes memory a lot and the result slightly
+    /// Approximate triangles per cluster, 1000 to 10 million. Changes memory a lot and the result slightly
     #[arg(long, value_name = "COUNT", default_value_t = CLUSTER_FACES, help_heading = heading::JOB, hide_short_help = true)]
     #[arg(value_parser = quantity::parse_count)]
     cluster_faces: u64,
 
-    /// Passes over shifted clusters, 1 to 16; more where the target is far below the input, or borders of clusters hold it
+    /// Passes over shifted clusters, 1 to 16
+    ///
+    /// The run adds passes if the target is far below the input, or if locked borders of clusters keep it out of reach
     #[arg(long, value_name = "COUNT", default_value_t = 3, help_heading = heading::JOB, hide_short_help = true)]
     #[arg(value_parser = quantity::parse_whole::<usize>)]
     passes: usize,

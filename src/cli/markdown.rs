@@ -50,10 +50,11 @@ fn describe(page: &mut String, command: &Command, simplify: &Command) {
     let is_said = |argument: &Arg| {
         takes_all && simplify.get_arguments().any(|other| !other.is_hide_set() && other.get_id() == argument.get_id())
     };
+    let is_of_each = |argument: &Arg| argument.get_id() == "quiet" || argument.get_id() == "output";
     let options: Vec<&Arg> = command
         .get_arguments()
         .filter(|argument| !argument.is_hide_set() && argument.get_id() != "help" && argument.get_id() != "version")
-        .filter(|argument| argument.is_positional() || argument.get_id() == "quiet" || !is_said(argument))
+        .filter(|argument| argument.is_positional() || is_of_each(argument) || !is_said(argument))
         .collect();
     let mut headings: Vec<Option<&str>> = Vec::new();
     for argument in &options {

@@ -5,6 +5,7 @@ mod check;
 mod compare;
 mod exit;
 mod flags;
+mod idle;
 mod input;
 mod inspect;
 mod manual;
@@ -25,7 +26,7 @@ mod words;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{ArgMatches, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::base::{Error, Progress, Result};
 use crate::job::stage::SharedHands;
@@ -55,7 +56,8 @@ enum Command {
     Plan(Box<plan::PlanArguments>),
     /// Print what a mesh holds: counts, bounds, materials, seams, boundaries, faults. Works within a memory budget
     Inspect(inspect::InspectArguments),
-    /// Count cracks, topology faults and folded texture; exit code 1 if any is new. Holds the mesh in memory
+    /// Count cracks, topology faults and folded texture; exit code 1 if there is a fault, with --against a new one. Holds the
+    /// mesh in memory
     Check(check::CheckArguments),
     /// Measure what a simplification changed: distances, colours, topology, shapes. Works within a memory budget
     Compare(compare::CompareArguments),
@@ -81,18 +83,25 @@ pub fn run() -> ExitCode {
 
 /// Runs the program with arguments, of which the first is its name; returns the exit code.
 pub fn run_with(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    let command = match Cli::try_parse_from(arguments) {
-        Ok(cli) => cli.command,
+    let (command, matches) = match parse(arguments) {
+        Ok(parsed) => parsed,
         Err(error) => {
             // Help goes to stdout; a reader that closed it is no error.
             let _ = error.print();
             return u8::try_from(error.exit_code()).unwrap_or(2);
         }
     };
-    command.run().unwrap_or_else(|error| {
+    command.run(idle::refuse(&matches, false)).unwrap_or_else(|error| {
         progress::tell(&words::with_flags(&format!("error: {error}")));
         code_of(&error)
     })
+}
+
+/// The command of arguments, and what was given of its options.
+fn parse(arguments: impl IntoIterator<Item = OsString>) -> std::result::Result<(Command, ArgMatches), clap::Error> {
+    let matches = Cli::command().try_get_matches_from(arguments)?;
+    let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut Cli::command()))?;
+    Ok((cli.command, matches))
 }
 
 /// Runs a command for a program that calls it: the command's name and its arguments, such as `inspect city.obj`.
@@ -106,8 +115,9 @@ pub fn call(
     progress: &dyn Progress,
 ) -> Result<CommandAnswer> {
     let name = OsString::from("drystone");
-    let cli = Cli::try_parse_from(std::iter::once(name).chain(arguments)).map_err(|error| usage(&error))?;
-    match &cli.command {
+    let (command, matches) = parse(std::iter::once(name).chain(arguments)).map_err(|error| usage(&error))?;
+    idle::refuse(&matches, hands.is_some())?;
+    match &command {
         Command::Simplify(arguments) => simplify::answer(arguments, hands, progress),
         Command::Tile(arguments) => tile::answer(arguments, hands, progress),
         Command::Plan(arguments) => plan::answer(arguments, progress),
@@ -127,9 +137,15 @@ fn usage(error: &clap::Error) -> Error {
 }
 
 impl Command {
-    fn run(&self) -> Result<u8> {
+    /// Runs the command, if its options are `usable` together.
+    fn run(&self, usable: Result<()>) -> Result<u8> {
+        if let Command::Simplify(arguments) = self {
+            // It prints an object for that error, too.
+            return simplify::run(arguments, usable);
+        }
+        usable?;
         match self {
-            Command::Simplify(arguments) => simplify::run(arguments),
+            Command::Simplify(arguments) => simplify::run(arguments, Ok(())),
             Command::Tile(arguments) => tile::run(arguments),
             Command::Plan(arguments) => plan::run(arguments),
             Command::Inspect(arguments) => inspect::run(arguments),

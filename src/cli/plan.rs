@@ -1,5 +1,7 @@
 //! `drystone plan`: prediction for a run.
 
+use std::path::PathBuf;
+
 use clap::Args;
 use serde::Serialize;
 
@@ -9,7 +11,8 @@ use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::{tell, told};
 use crate::base::{Error, Progress, Result, bytes, quantity};
-use crate::options::{TileCompression, TileOptions};
+use crate::options::{SimplifyOptions, TileCompression, TileOptions};
+use crate::pipeline;
 use crate::plan::{self, Plan, PyramidPlan};
 use crate::report;
 
@@ -32,13 +35,16 @@ pub struct PlanArguments {
     #[arg(long, value_enum, default_value_t = TileOptions::default().compress, value_name = "CODEC", requires = "tile")]
     #[arg(help_heading = heading::TARGET)]
     compress: TileCompression,
-    /// Predict what this many machines would bring, each with as many threads: docs/guide/machines.md
+    /// Predict the time on this many machines, each with as many threads as --threads: docs/guide/machines.md
     #[arg(long, value_name = "COUNT", help_heading = heading::JOB)]
     #[arg(value_parser = quantity::parse_whole::<u32>)]
     machines: Option<u32>,
-    /// With --machines: what their shared disk moves in a second for all of them, such as 1.1GB [default: no limit]
+    /// With --machines: bytes per second that their shared disk moves in all, such as 1.1GB [default: no limit]
     #[arg(long, value_name = "SIZE", requires = "machines", value_parser = parse_bandwidth, help_heading = heading::JOB)]
     shared_bandwidth: Option<u64>,
+    /// What the run would write: free space is measured where its work folder would be [default: in the current folder]
+    #[arg(short, long, value_name = "PATH")]
+    output: Option<PathBuf>,
     #[command(flatten)]
     flags: SimplifyFlags,
     #[command(flatten)]
@@ -52,8 +58,16 @@ pub struct PlanArguments {
 }
 
 impl PlanArguments {
+    fn options(&self) -> SimplifyOptions {
+        let mut options = self.flags.options();
+        if let Some(output) = &self.output {
+            options.job.work = Some(pipeline::work_folder(output, &options));
+        }
+        options
+    }
+
     fn tile_options(&self) -> TileOptions {
-        let simplify = self.flags.options();
+        let simplify = self.options();
         TileOptions {
             tile_faces: self.tile_faces,
             tile_side: self.tile_side,
@@ -67,7 +81,7 @@ impl PlanArguments {
 
     fn plan(&self, progress: &dyn Progress) -> Result<Plan> {
         self.check_machines()?;
-        let plan = plan::plan(self.input.choice(), &self.flags.options(), progress)?;
+        let plan = plan::plan(self.input.choice(), &self.options(), progress)?;
         Ok(match self.machines {
             Some(machines) => plan.on_machines(machines, self.shared_bandwidth),
             None => plan,
@@ -133,4 +147,38 @@ pub fn run(arguments: &PlanArguments) -> Result<u8> {
     arguments.show(&plan, &plan.table(), &plan.warnings)?;
     plan.scratch.refuse_small_disk()?;
     Ok(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::base::Silent;
+
+    #[derive(Parser)]
+    struct PlanAlone {
+        #[command(flatten)]
+        arguments: PlanArguments,
+    }
+
+    #[test]
+    fn free_space_is_measured_where_the_output_will_be() {
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("out/town.obj");
+        let input = "fixtures/town/town.obj";
+        let planned = |more: &[&str]| {
+            let common = ["drystone", input, "-o", output.to_str().unwrap()];
+            PlanAlone::parse_from([&common, more].concat()).arguments
+        };
+        let plan = planned(&["--ratio", "0.1"]).plan(&Silent).unwrap();
+        assert_eq!(plan.scratch.folder, folder.path());
+        let pyramid = planned(&["--tile"]).plan_tiles(&Silent).unwrap();
+        assert_eq!(pyramid.scratch.folder, folder.path());
+        let elsewhere = tempfile::tempdir().unwrap();
+        let work = elsewhere.path().to_str().unwrap();
+        let plan = planned(&["--ratio", "0.1", "--work", work]).plan(&Silent).unwrap();
+        assert_eq!(plan.scratch.folder, elsewhere.path());
+        assert!(!folder.path().join("out").exists());
+    }
 }

@@ -49,7 +49,7 @@ Examples:
 /// Arguments of `drystone simplify`.
 #[derive(Debug, Args)]
 pub struct SimplifyArguments {
-    /// Mesh file to write, by its ending an OBJ, a PLY or a GLB; MTL and textures go beside it, those
+    /// Mesh file to write: OBJ, PLY or GLB, by the name's ending; MTL and textures go beside it, those
     /// of a GLB into it
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -57,7 +57,7 @@ pub struct SimplifyArguments {
     flags: SimplifyFlags,
     #[command(flatten)]
     input: InputArguments,
-    /// Write a report: .json for scripts, .html for people; may be repeated
+    /// Write a report: .json for scripts, .html for people; an older one is replaced; may be repeated
     #[arg(long, value_name = "FILE", help_heading = heading::REPORT)]
     report: Vec<PathBuf>,
     /// Compare the result with the input, as `drystone compare` does
@@ -88,16 +88,16 @@ enum Format {
 }
 
 /// Simplifies, compares if asked to, prints the summary and warnings, and returns the exit code. With `--format json`
-/// stdout gets one object, also if the run fails.
+/// stdout gets one object, also if the run fails or its options are not `usable` together.
 ///
 /// # Errors
-/// Those of [`pipeline::simplify`] and of the reports.
-pub fn run(arguments: &SimplifyArguments) -> Result<u8> {
+/// That of `usable`, those of [`pipeline::simplify`] and of the reports.
+pub fn run(arguments: &SimplifyArguments, usable: Result<()>) -> Result<u8> {
     if arguments.json {
         return Err(Error::Usage("--json: simplify prints its report as JSON with --format json".into()));
     }
     let mut is_printed = false;
-    let outcome = simplify(arguments, &mut is_printed);
+    let outcome = usable.and_then(|()| simplify(arguments, &mut is_printed));
     if arguments.format == Format::Json && !is_printed {
         let (status, code) = match &outcome {
             Ok(code) => ("stopped", *code),

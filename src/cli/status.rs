@@ -344,14 +344,14 @@ impl JobStatus {
         let left = self.triangles_left.map_or(String::new(), |left| format!(", {} triangles left", grouped(left)));
         let _ = writeln!(text, "passes     {} done of {} or more{left}", self.passes_done, self.passes);
         if let Some(pass) = &self.pass {
-            let _ =
-                writeln!(text, "pass {}     {} of {} clusters done", pass.number, pass.clusters_done, pass.clusters);
+            let clusters = counted(pass.clusters, "cluster");
+            let _ = writeln!(text, "pass {}     {} of {clusters} done", pass.number, grouped(pass.clusters_done));
         }
         if let Some(stage) = &self.stage {
             let failed =
                 if stage.tasks_failed > 0 { format!(", {} failed", stage.tasks_failed) } else { String::new() };
-            let _ =
-                writeln!(text, "stage      {}, {} of {} tasks done{failed}", stage.kind, stage.tasks_done, stage.tasks);
+            let tasks = counted(stage.tasks, "task");
+            let _ = writeln!(text, "stage      {}, {} of {tasks} done{failed}", stage.kind, stage.tasks_done);
             if let Some(failure) = &stage.last_failure {
                 let _ = writeln!(text, "           {failure}");
             }
@@ -361,7 +361,8 @@ impl JobStatus {
             let _ = match bake.patches {
                 None => writeln!(text, "textures   {images} decoded"),
                 Some(patches) => {
-                    writeln!(text, "textures   {images} decoded, {} of {patches} patches done", bake.patches_done)
+                    let noun = if patches == 1 { "patch" } else { "patches" };
+                    writeln!(text, "textures   {images} decoded, {} of {patches} {noun} done", bake.patches_done)
                 }
             };
         }

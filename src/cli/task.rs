@@ -1,6 +1,6 @@
 //! `drystone task`: does one task of a job that another machine coordinates.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -9,6 +9,7 @@ use clap::Args;
 use super::exit::CODES;
 use super::progress::{stoppable, tell};
 use super::stop::Goodbye;
+use crate::base::error::escape_path;
 use crate::base::{Error, Result, bytes, quantity};
 use crate::options::Limits;
 use crate::os::signals::StopSignal;
@@ -33,7 +34,7 @@ const OVER: u8 = CODES[9].0;
 /// Arguments of `drystone task`.
 #[derive(Debug, Args)]
 pub struct TaskArguments {
-    /// File of the stage, as the task runner of `drystone simplify` was told
+    /// File of the stage: {stage} in the command of --task-runner
     stage: PathBuf,
     /// Number of the task, from 0 [default: the number that Slurm, PBS, LSF, SGE, AWS Batch or Kubernetes gives it]
     index: Option<usize>,
@@ -66,21 +67,31 @@ pub fn run(arguments: &TaskArguments) -> Result<u8> {
         match pipeline::do_task(&arguments.stage, index, limits, &*progress) {
             Err(Error::Stopped) => return Ok(goodbye.say()),
             // On a shared disk, a new file may take time to appear, or to have its size.
-            Ok(TaskEnd::Over) | Err(Error::Io { .. }) if began.elapsed() < PATIENCE && !progress.is_stopped() => {
+            Ok(TaskEnd::Over | TaskEnd::NoStage) | Err(Error::Io { .. })
+                if began.elapsed() < PATIENCE && !progress.is_stopped() =>
+            {
                 thread::sleep(LOOK_INTERVAL);
             }
             ended => break ended?,
         }
     };
-    let (code, words) = match end {
-        TaskEnd::Done => (0, "is done"),
-        TaskEnd::WasDone => (0, "was done before"),
-        TaskEnd::Over => (OVER, "is not waited for any more"),
-    };
+    let (code, words) = outcome(end, index, &arguments.stage);
     if !arguments.quiet {
-        tell(&format!("task {index} {words}"));
+        tell(&words);
     }
     Ok(code)
+}
+
+/// Exit code and words for how a task ended.
+fn outcome(end: TaskEnd, index: usize, stage: &Path) -> (u8, String) {
+    match end {
+        TaskEnd::Done => (0, format!("task {index} is done")),
+        TaskEnd::WasDone => (0, format!("task {index} was done before")),
+        TaskEnd::Over => (OVER, format!("task {index} is not waited for any more")),
+        TaskEnd::NoStage => {
+            (OVER, format!("{}: no such stage; the job is over, or the path is wrong", escape_path(stage)))
+        }
+    }
 }
 
 /// Number of the task that an engine gave this process.
@@ -106,6 +117,13 @@ mod tests {
         assert!(
             of("SGE_TASK_ID", "undefined").is_err() && of("LSB_JOBINDEX", "0").is_err() && of("HOME", "1").is_err()
         );
+    }
+
+    #[test]
+    fn a_stage_that_is_not_there_is_named() {
+        let end = pipeline::do_task(Path::new("no/such"), 0, Limits::default(), &crate::base::Silent).unwrap();
+        let words = "no/such: no such stage; the job is over, or the path is wrong".to_owned();
+        assert_eq!(outcome(end, 0, Path::new("no/such")), (OVER, words));
     }
 
     #[test]

@@ -59,7 +59,7 @@ pub struct TileFlags {
     #[arg(long, value_enum, default_value_t = TileOptions::default().compress, value_name = "CODEC")]
     compress: TileCompression,
 
-    /// Geometric error of a tile, by the larger of its texel and its deviation
+    /// Geometric error of a tile, as a multiple of the larger of its texel and its deviation
     ///
     /// Viewers show the next finer tiles where an error takes more than 16 pixels
     #[arg(long, value_name = "FACTOR", default_value_t = TileOptions::default().error_factor)]
@@ -70,8 +70,9 @@ pub struct TileFlags {
     #[arg(long, value_enum, default_value_t = UpAxis::Z, value_name = "AXIS")]
     up: UpAxis,
 
-    /// Where on earth the input's (0, 0, 0) lies: degrees and metres above the ellipsoid; its x axis points east
-    #[arg(long, value_name = "LONGITUDE,LATITUDE,HEIGHT", allow_hyphen_values = true)]
+    /// Where on earth the input's (0, 0, 0) lies: degrees and metres above the ellipsoid, 0 by default; its x axis points
+    /// east
+    #[arg(long, value_name = "LONGITUDE,LATITUDE[,HEIGHT]", allow_hyphen_values = true)]
     origin: Option<GeoPlace>,
 
     /// Coordinate reference system of the input: an EPSG code such as EPSG:32650, or a PROJ string

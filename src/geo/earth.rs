@@ -29,13 +29,13 @@ impl GeoPlace {
 impl FromStr for GeoPlace {
     type Err = String;
 
-    /// Reads `longitude,latitude` or `longitude,latitude,height`.
+    /// Reads `longitude,latitude` or `longitude,latitude,height`; without a height it is 0.
     fn from_str(text: &str) -> Result<Self, String> {
         let numbers: Option<Vec<f64>> = text.split(',').map(|word| word.trim().parse().ok()).collect();
         let (longitude, latitude, height) = match numbers.as_deref() {
             Some(&[longitude, latitude]) => (longitude, latitude, 0.0),
             Some(&[longitude, latitude, height]) => (longitude, latitude, height),
-            _ => return Err("expected LONGITUDE,LATITUDE,HEIGHT in degrees and metres".into()),
+            _ => return Err("expected LONGITUDE,LATITUDE[,HEIGHT] in degrees and metres".into()),
         };
         let place = Self { longitude, latitude, height };
         let refused = || "expected degrees within 180 and 90, and metres within 100000".to_owned();
@@ -70,6 +70,15 @@ pub fn east_north_up(place: GeoPlace) -> DMat4 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_height_may_be_left_out() {
+        assert_eq!("1,2".parse(), Ok(GeoPlace { longitude: 1.0, latitude: 2.0, height: 0.0 }));
+        assert_eq!("1, 2, 3".parse(), Ok(GeoPlace { longitude: 1.0, latitude: 2.0, height: 3.0 }));
+        for text in ["1", "1,2,3,4", "1,2,"] {
+            assert!(text.parse::<GeoPlace>().unwrap_err().contains("LONGITUDE,LATITUDE[,HEIGHT]"), "{text}");
+        }
+    }
 
     #[test]
     fn a_place_on_earth_is_where_the_formulas_say() {

@@ -64,7 +64,7 @@ impl TextureImages {
                 };
                 let Some(path) = find_file(definition, name) else {
                     findings.note("missing_image", || {
-                        format!("{} of {}: no such file", escape(name), escape_path(&definition.folder))
+                        format!("{} in {}: no such file", escape(name), escape_path(&definition.folder))
                     });
                     return ImageId::NONE;
                 };

@@ -28,7 +28,7 @@ use crate::base::{Error, Findings, Permits, Progress, Result, bytes, counted, gr
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
 use crate::mesh::doubles::doubles;
 use crate::model::id::{ImageId, PartId};
-use crate::model::texture_file::{self, Reach};
+use crate::model::texture_file::Unusable;
 use crate::model::{Catalogue, StoredMesh};
 use crate::os::durable::temporary_folder;
 use crate::partition::{self, Partition, PartitionOptions, TextureScale, cluster};
@@ -37,6 +37,7 @@ use crate::read::InputChoice;
 use crate::read::{self, Scan};
 use crate::report::warning_lines;
 use crate::topology::{Counter, TopologyCounts, count_cluster};
+use crate::write;
 
 /// Memory of a face of a cluster while it is counted, and of its edges that wait to be matched, in bytes.
 const FACE_BYTES: u64 = 200;
@@ -96,8 +97,10 @@ pub struct Inspection {
     pub undefined_materials: u64,
     /// Texture images that the materials refer to.
     pub textures: u64,
-    /// Of these, images that are missing, or lie where they are not searched.
+    /// Of these, images that are missing.
     pub missing_textures: u64,
+    /// Of these, images outside of the folder of their MTL, which are copied only where the user allows it.
+    pub outside_textures: u64,
     /// Vertices at the position of an earlier one.
     pub welded_vertices: u64,
     /// Vertices that no face uses, after welding.
@@ -169,9 +172,7 @@ fn inspect_in_clusters(
     let counting = Counting { mesh: &mesh, partition: &partition, catalogue: &catalogue, threads, work_bytes };
     let topology = counting.count(work.path(), &mut findings, progress)?;
 
-    let textures = textures(&catalogue);
-    let missing =
-        textures.iter().filter(|(folder, name)| texture_file::find(folder, name, Reach::Inside).is_err()).count();
+    let [textures, missing_textures, outside_textures] = textures(&catalogue);
     let welded_vertices = findings.get("welded_vertices");
     Ok(Inspection {
         files: inputs.len() as u64,
@@ -189,8 +190,9 @@ fn inspect_in_clusters(
         parts: catalogue.parts.len() as u64,
         materials: catalogue.materials.len() as u64,
         undefined_materials: catalogue.materials.iter().filter(|material| material.definition.is_none()).count() as u64,
-        textures: textures.len() as u64,
-        missing_textures: missing as u64,
+        textures,
+        missing_textures,
+        outside_textures,
         welded_vertices,
         unused_vertices: (mesh.vertex_count() - welded_vertices).saturating_sub(topology.vertices),
         topology,
@@ -230,13 +232,22 @@ fn polygons(mesh: &StoredMesh, threads: usize) -> Result<(u64, u64)> {
     Ok((all, larger))
 }
 
-/// Folders of MTL files with the names of images that they refer to.
-fn textures(catalogue: &Catalogue) -> BTreeSet<(&Path, &[u8])> {
+/// Numbers of images that MTL files refer to, of those that are missing, and of those outside of the files' folders.
+fn textures(catalogue: &Catalogue) -> [u64; 3] {
     let definitions = catalogue.materials.iter().filter_map(|material| material.definition.as_ref());
     let names = definitions.flat_map(|definition| {
         definition.textures.iter().map(move |texture| (definition.folder.as_path(), texture.name.as_slice()))
     });
-    names.collect()
+    let (names, roots): (BTreeSet<_>, _) = (names.collect(), write::roots(catalogue));
+    let (mut missing, mut outside) = (0, 0);
+    for (folder, name) in &names {
+        match write::find_inside(folder, name, &roots) {
+            Ok(_) => {}
+            Err(Unusable::Refused(_)) => outside += 1,
+            Err(Unusable::Missing(..) | Unusable::NoFile(_)) => missing += 1,
+        }
+    }
+    [names.len() as u64, missing, outside]
 }
 
 /// State while the clusters of a partition are counted.
@@ -309,8 +320,10 @@ impl Inspection {
         row("parts", grouped(self.parts));
         let undefined = format!(", {} without definition", grouped(self.undefined_materials));
         row("materials", grouped(self.materials) + if self.undefined_materials > 0 { &undefined } else { "" });
-        let missing = format!(", {} missing", grouped(self.missing_textures));
-        row("textures", grouped(self.textures) + if self.missing_textures > 0 { &missing } else { "" });
+        let unusable = [(self.missing_textures, "missing"), (self.outside_textures, "outside the folder of the MTL")];
+        let unusable = unusable.iter().filter(|(count, _)| *count > 0);
+        let unusable: String = unusable.map(|(count, words)| format!(", {} {words}", grouped(*count))).collect();
+        row("textures", grouped(self.textures) + &unusable);
         let topology = &self.topology;
         row("seam vertices", share(topology.seam_vertices, topology.vertices));
         row("seam edges", share(topology.seam_edges, topology.edges));
@@ -388,12 +401,33 @@ mod tests {
     fn long_names_have_a_gap_and_long_warnings_are_clipped() {
         let folder = tempfile::tempdir().unwrap();
         let input = folder.path().join("a.obj");
-        let library = "m".repeat(400);
+        let library = "m".repeat(1000);
         let text = format!("mtllib {library}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/2 3/3\n");
         std::fs::write(&input, text).unwrap();
         let table = inspected(&input.to_string_lossy()).table();
         assert!(table.contains("\ndangling texture coordinates 1\n"), "{table}");
-        assert!(table.lines().all(|line| line.chars().count() <= 200), "{table}");
+        assert!(table.lines().all(|line| line.chars().count() <= 600), "{table}");
+    }
+
+    #[test]
+    fn a_texture_outside_of_the_folder_is_not_missing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        std::fs::create_dir(path("in")).unwrap();
+        std::fs::copy("fixtures/miniatures/checker.png", path("wall.png")).unwrap();
+        std::fs::copy("fixtures/miniatures/checker.png", path("in/roof.png")).unwrap();
+        let names = ["roof.png", "../wall.png", "../gone.png", "gone.png", "C:\\wall.png", "../in"];
+        let (mut library, mut text) = (String::new(), "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned());
+        for (number, name) in names.iter().enumerate() {
+            library += &format!("newmtl m{number}\nmap_Kd {name}\n");
+            text += &format!("usemtl m{number}\nf 1 2 3\n");
+        }
+        std::fs::write(path("in/a.mtl"), library).unwrap();
+        std::fs::write(path("in/a.obj"), text).unwrap();
+        let found = inspected(&path("in/a.obj").to_string_lossy());
+        assert_eq!((found.textures, found.missing_textures, found.outside_textures), (6, 4, 1));
+        let table = found.table();
+        assert!(table.contains("textures            6, 4 missing, 1 outside the folder of the MTL\n"), "{table}");
     }
 
     #[test]

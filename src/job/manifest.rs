@@ -10,7 +10,7 @@ use serde_json::Value;
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::base::error::{escape, escape_path};
-use crate::base::{Error, Result};
+use crate::base::{Error, Result, counted};
 use crate::file::codec;
 use crate::file::header::{FORMAT_VERSION, HEADER_BYTES, Header};
 use crate::os::durable::{DurableFile, folder_of, no_links};
@@ -146,7 +146,7 @@ impl Manifest {
             }),
             _ => differ("the job", &self.options, &new.options),
         }
-        let count = |manifest: &Self| format!("{} files", manifest.inputs.len());
+        let count = |manifest: &Self| counted(manifest.inputs.len() as u64, "file");
         differ("the input", &count(self), &count(new));
         for (old, new) in self.inputs.iter().zip(&new.inputs) {
             differ("an input", &escape_path(&old.path), &escape_path(&new.path));

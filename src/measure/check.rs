@@ -175,6 +175,23 @@ fn count_duplicates(mut faces: Vec<[MeshVertex; 3]>) -> u64 {
     (before - faces.len()) as u64
 }
 
+impl Check {
+    /// Counts that are faults of any mesh, those above 0, with their names in the singular.
+    ///
+    /// Zero-area faces, folded and inconsistent edges are not among them: scans have them by the thousand. They count if
+    /// they are [new](compare_checks).
+    pub fn faults(&self) -> Vec<(&'static str, u64)> {
+        let counts = [
+            ("degenerate face", self.degenerate_faces),
+            ("duplicate face", self.duplicate_faces),
+            ("non-manifold edge", self.non_manifold_edges),
+            ("T-junction", self.t_junctions),
+            ("folded texture triangle", self.uv.folded_uv),
+        ];
+        counts.into_iter().filter(|(_, count)| *count > 0).collect()
+    }
+}
+
 /// A count that is worse after than before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Regression {

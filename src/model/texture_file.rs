@@ -21,32 +21,33 @@ pub enum Reach {
 pub enum Unusable {
     /// It does not exist, or cannot be looked at; its path.
     Missing(PathBuf, io::Error),
-    /// It may not be used, with the reason.
+    /// There is something else than a file of this system; what.
+    NoFile(&'static str),
+    /// There is a file, but it may not be used, with the reason.
     Refused(&'static str),
 }
 
 /// The canonical path of the regular file that a name leads to from the folder of the file that names it.
 ///
 /// # Errors
-/// If there is none, or it lies out of reach.
+/// If there is none, wherever it may lie; or if it lies out of reach.
 pub fn find(folder: &Path, name: &[u8], reach: Reach) -> Result<PathBuf, Unusable> {
+    let place = place_of(folder, name).ok_or(Unusable::NoFile("it is a path of another system"))?;
+    let missing = |error: io::Error| Unusable::Missing(place.clone(), error);
+    let found = fs::canonicalize(&place).map_err(missing)?;
+    if !fs::metadata(&found).map_err(missing)?.is_file() {
+        return Err(Unusable::NoFile("it is not a regular file"));
+    }
     if reach == Reach::Inside {
         let relative = relative_path(name).ok_or(Unusable::Refused("it is an absolute path"))?;
         if leaves(&relative) {
             return Err(Unusable::Refused("it leaves the folder of its MTL"));
         }
+        if !found.starts_with(fs::canonicalize(or_here(folder)).map_err(missing)?) {
+            return Err(Unusable::Refused("it leaves the folder of its MTL through a link"));
+        }
     }
-    let place = place_of(folder, name).ok_or(Unusable::Refused("it is a path of another system"))?;
-    let missing = |error: io::Error| Unusable::Missing(place.clone(), error);
-    let found = fs::canonicalize(&place).map_err(missing)?;
-    if reach == Reach::Inside && !found.starts_with(fs::canonicalize(or_here(folder)).map_err(missing)?) {
-        return Err(Unusable::Refused("it leaves the folder of its MTL through a link"));
-    }
-    if fs::metadata(&found).map_err(missing)?.is_file() {
-        Ok(found)
-    } else {
-        Err(Unusable::Refused("it is not a regular file"))
-    }
+    Ok(found)
 }
 
 /// The folder; where none is named, the current one.

@@ -14,7 +14,7 @@ use super::shares::STAGES_MAX;
 use super::steps::PassStep;
 use super::sweep_result::SweepResult;
 use super::texture_traits::TextureTraits;
-use crate::base::{Findings, Result};
+use crate::base::{Findings, Result, counted};
 use crate::cost::mesh_stats::MeshStats;
 use crate::job::{Recalled, StepKey, WorkFolder};
 use crate::mesh::ClusterMesh;
@@ -227,7 +227,7 @@ impl ResumePoint {
             (Some(partition), _) => {
                 let of = partition.filled_count();
                 let clusters = clusters.min(of);
-                format!(", and {clusters} of {of} clusters of pass {}", pass + 1)
+                format!(", and {clusters} of {} of pass {}", counted(of, "cluster"), pass + 1)
             }
         };
         format!("resumed after {passes}{under_way}")

@@ -47,6 +47,7 @@ use self::publish::{FinalMesh, Publisher};
 use self::run_log::{FinishedRun, RunLog};
 #[cfg(feature = "images")]
 use self::texturing::Texturing;
+use crate::base::pool::{Durability, durability};
 use crate::base::{Progress, Result};
 use crate::job::WorkFolder;
 use crate::model::Catalogue;
@@ -107,8 +108,13 @@ fn run(job: &Preflight<'_>, work: &mut WorkFolder, progress: &dyn Progress) -> R
     let (input, mut start) = log.time(|seconds| &mut seconds.scan, || input::read(job, work, progress))?;
     log.findings.merge(input.findings.clone());
     log.findings.merge(job.idle.clone());
-    let admission = Admission::admit(job, &input, &start, work)?;
-    let publisher = Publisher::prepare(job, &input, earlier, work)?;
+    let admitted = Admission::admit(job, &input, &start, work)
+        .and_then(|admission| Ok((admission, Publisher::prepare(job, &input, earlier, work)?)));
+    if admitted.is_err() && !work.is_resumed() && durability() == Durability::Result {
+        // The scan of a short job is not worth keeping for a command that the user has to change.
+        work.give_up();
+    }
+    let (admission, publisher) = admitted?;
 
     let mut painter = Painter::new(job, &input.catalogue, work, &admission, progress);
     log.time_with(|seconds| &mut seconds.draw, |log| painter.draw_before(start.unsimplified(), &mut log.findings))?;

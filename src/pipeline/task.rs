@@ -24,6 +24,8 @@ pub enum TaskEnd {
     WasDone,
     /// The job does not wait for it any more: nothing was changed.
     Over,
+    /// There is no file of the stage: the job is over, or the path is wrong.
+    NoStage,
 }
 
 /// Does the task `index` of a stage; `stage` is the path of its file.
@@ -34,7 +36,7 @@ pub enum TaskEnd {
 pub fn do_task(stage: &Path, index: usize, limits: Limits, progress: &dyn Progress) -> Result<TaskEnd> {
     let found = match Stage::open(stage) {
         Ok(Some(found)) => found,
-        Ok(None) => return Ok(TaskEnd::Over),
+        Ok(None) => return Ok(TaskEnd::NoStage),
         Err(error) => {
             note_failure(stage, index, &error);
             return Err(error);

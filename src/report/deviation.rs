@@ -12,6 +12,8 @@ use crate::measure::gauge::Gauged;
 
 /// Units in the last place of a coordinate that rounding alone may add to a distance.
 const ROUNDING_UNITS: f64 = 16.0;
+/// Why a run has no deviation.
+const UNMEASURED: &str = "not measured: the mesh has no area, or its triangles lie across each other by the thousand";
 /// Advice for a broken bound above 0.
 const CLOSER: &str = "; a smaller --max-error gives a closer result";
 
@@ -48,7 +50,7 @@ fn add_gauged(text: &mut String, found: Option<&Gauged>) {
         Some(found) => {
             writeln!(text, "deviation: {} (RMS both ways, measured at {} points)", length(found.rms), found.points)
         }
-        None => writeln!(text, "deviation: not measured (--measure compares the result with the input)"),
+        None => writeln!(text, "deviation: {UNMEASURED}"),
     };
 }
 

@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
-use crate::model::{Catalogue, texture_file};
+use crate::model::Catalogue;
+use crate::model::texture_file::{self, Reach, Unusable};
 use crate::os::durable::folder_of;
 
 /// A texture that a material names.
@@ -35,8 +36,21 @@ pub fn named_textures(catalogue: &Catalogue, brings_outside: bool) -> BTreeSet<N
     definitions.flat_map(|d| d.textures.iter().filter_map(move |texture| named(&d.folder, &texture.name))).collect()
 }
 
+/// The file of a texture that an MTL in `folder` names, if it may be copied without being asked for; `roots` are those
+/// of its catalogue.
+///
+/// # Errors
+/// If there is none, or it lies outside of that folder, or the folder outside of the input.
+pub fn find_inside(folder: &Path, name: &[u8], roots: &BTreeSet<PathBuf>) -> Result<PathBuf, Unusable> {
+    let found = texture_file::find(folder, name, Reach::Inside)?;
+    if is_outside(folder, roots) {
+        return Err(Unusable::Refused("its material library lies outside of the OBJ's folder"));
+    }
+    Ok(found)
+}
+
 /// Canonical folders of the OBJ files and of the files that they link to, and the input folders.
-pub(super) fn roots(catalogue: &Catalogue) -> BTreeSet<PathBuf> {
+pub fn roots(catalogue: &Catalogue) -> BTreeSet<PathBuf> {
     let named_in = |path: &PathBuf| fs::canonicalize(folder_of(path)).ok();
     let lies_in = |path: &PathBuf| Some(fs::canonicalize(path).ok()?.parent()?.to_owned());
     let folders = catalogue.files.iter().flat_map(|path| [named_in(path), lies_in(path)]).flatten();
@@ -44,7 +58,7 @@ pub(super) fn roots(catalogue: &Catalogue) -> BTreeSet<PathBuf> {
 }
 
 /// Reports whether a canonical folder is outside of all roots; false if there are no roots.
-pub(super) fn is_outside(folder: &Path, roots: &BTreeSet<PathBuf>) -> bool {
+fn is_outside(folder: &Path, roots: &BTreeSet<PathBuf>) -> bool {
     !roots.is_empty() && !folder.ancestors().any(|above| roots.contains(above))
 }
 

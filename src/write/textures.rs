@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use super::companion::{Companion, CopiedTexture};
 use super::copy::{CopyError, Look, copy, look, open_regular, same_content, symlink};
 use super::options::{Textures, WriteOptions};
-use super::paths::{is_outside, path_between, roots};
+use super::paths::{find_inside, path_between, roots};
 use super::targets::{Sources, Targets};
 use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Findings, Result};
@@ -210,11 +210,11 @@ impl TextureStage {
 
     /// The file of a texture, if it may be copied.
     fn find_source(&self, mtl_folder: &Path, name: &[u8]) -> std::result::Result<PathBuf, Unusable> {
-        if !self.brings_outside && is_outside(mtl_folder, &self.roots) {
-            return Err(Unusable::Refused("its material library lies outside of the OBJ's folder"));
+        if self.brings_outside {
+            texture_file::find(mtl_folder, name, Reach::Anywhere)
+        } else {
+            find_inside(mtl_folder, name, &self.roots)
         }
-        let reach = if self.brings_outside { Reach::Anywhere } else { Reach::Inside };
-        texture_file::find(mtl_folder, name, reach)
     }
 
     /// Notes a texture that is missing or refused, the latter with some advice.
@@ -222,12 +222,16 @@ impl TextureStage {
     /// # Errors
     /// If it only cannot be read at present: a texture is not left out because of a temporary error.
     fn leave_out(&mut self, mtl_folder: &Path, name: &[u8], why: Unusable, advice: &str) -> Result<LeftOut> {
-        let place = |why: &str| format!("{} of {}: {why}", escape(name), escape_path(mtl_folder));
+        let place = |why: &str| format!("{} in {}: {why}", escape(name), escape_path(mtl_folder));
         self.left_out.extend(place_of(mtl_folder, name));
         match why {
             Unusable::Missing(path, error) if is_of_machine(&error) => Err(Error::io(&path, "read", error)),
             Unusable::Missing(_, error) => {
                 self.findings.note("missing_texture", || place(&error.to_string()));
+                Ok(LeftOut::Missing)
+            }
+            Unusable::NoFile(why) => {
+                self.findings.note("missing_texture", || place(why));
                 Ok(LeftOut::Missing)
             }
             Unusable::Refused(why) => {
@@ -498,11 +502,17 @@ mod tests {
         {
             std::os::unix::fs::symlink(&absolute, folders.input.join("innocent.png")).unwrap();
             assert_eq!(refer(&mut stage, &folders, "innocent.png"), "../secret.txt");
-            assert_eq!(stage.findings.get("refused_texture"), 7);
+            assert_eq!(stage.findings.get("refused_texture"), 5);
         }
-        assert_eq!(refer(&mut stage, &folders, "none.png"), "none.png");
-        // A folder and a missing file count; the drive of another system is not looked for.
-        assert_eq!(stage.findings.get("missing_texture"), 2);
+        for name in ["none.png", "../none.png"] {
+            assert_eq!(refer(&mut stage, &folders, name), name);
+        }
+        // Two missing files, a folder and the drive of another system, each once: to allow them would not help.
+        assert_eq!(stage.findings.get("missing_texture"), 4);
+        let lines = stage.findings.warnings();
+        let advised = |line: &&String| line.contains("--textures-outside");
+        assert!(lines.iter().filter(advised).all(|line| line.starts_with("refused texture: ")), "{lines:?}");
+        assert!(lines.iter().any(|line| line.contains("C:\\x.png in ")), "{lines:?}");
         stage.commit().unwrap();
         assert_eq!(fs::read_dir(&folders.output).unwrap().count(), 0);
     }

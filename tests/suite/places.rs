@@ -131,6 +131,16 @@ fn no_file_of_the_input_is_replaced() {
     assert!(words.contains("town.mtl: a file of the input would be replaced"), "{words}");
 }
 
+#[test]
+fn a_short_job_that_is_refused_leaves_no_work_folder() {
+    let town = Town::new();
+    fs::create_dir(town.path("out")).unwrap();
+    fs::write(town.path("out/town.mtl"), "of the user").unwrap();
+    let words =
+        town.refusal("in/town.obj", "out/town.obj", SimplifyOptions { job: JobOptions::default(), ..options() });
+    assert!(words.contains("`force` replaces it") && !town.path("out/town.obj.work").exists(), "{words}");
+}
+
 #[cfg(unix)]
 #[test]
 fn a_texture_of_the_input_that_is_a_link_is_not_replaced() {

@@ -66,6 +66,25 @@ fn the_report_has_every_option_that_was_given() {
 }
 
 #[test]
+fn a_mesh_without_area_has_no_deviation_and_the_summary_says_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("in.obj");
+    std::fs::write(&input, "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n").unwrap();
+    let run = simplify(folder.path(), input.to_str().unwrap(), &["--ratio", "1", "-q"]);
+    assert!(text(&run.stdout).contains("\ndeviation: not measured: the mesh has no area, or"), "{}", text(&run.stdout));
+}
+
+#[test]
+fn an_option_without_effect_is_refused_in_words_and_as_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = simplify(folder.path(), TOWN, &["--ratio", "0.5", "--atlas", "512", "--format", "json"]);
+    let words = "--atlas has no effect without --textures bake";
+    assert!(run.status.code() == Some(2) && text(&run.stderr).contains(words), "{}", text(&run.stderr));
+    let found: serde_json::Value = serde_json::from_slice(&run.stdout).unwrap();
+    assert_eq!((&found["exit_code"], &found["error"]), (&2.into(), &words.into()));
+}
+
+#[test]
 fn every_command_tells_the_version() {
     for command in [&["--version"][..], &["simplify", "--version"], &["compare", "-V"]] {
         let run = drystone(command);

@@ -203,7 +203,8 @@ fn have_done(lending: &Lending, stage: &Stage, wanted: &[usize], progress: &dyn 
         lent?;
         let all = counted(wanted.len() as u64, "task");
         let count = missing.tasks.len();
-        progress.tell(&format!("{count} of {all} have no result after try {tried} of {}", lending.tries));
+        let have = if count == 1 { "has" } else { "have" };
+        progress.tell(&format!("{count} of {all} {have} no result after try {tried} of {}", lending.tries));
         if tried >= lending.tries {
             let what = format!("task {first} of {all} has no result after {tried} tries");
             let error = missing.first_failure().map(|(task, failure)| failure.into_error(task));

@@ -25,7 +25,7 @@ pub struct TaskRunner {
 
 impl TaskRunner {
     /// A command for the shell, in which `{stage}` stands for the path of the stage's file, `{count}` for the number of
-    /// its tasks and `{last}` for that less one.
+    /// its tasks and `{last}` for the number of the last task.
     ///
     /// # Errors
     /// [`Error::Usage`] if it does not name the stage.

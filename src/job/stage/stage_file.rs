@@ -9,7 +9,7 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::folder::{STAGE_FILE, folder_name, remove_folder};
 use crate::base::error::escape_path;
-use crate::base::{Error, Result};
+use crate::base::{Error, Result, counted};
 use crate::file::header::{FORMAT_VERSION, HEADER_BYTES, Header};
 use crate::file::{RecordFile, codec};
 use crate::job::names::is_phase_file;
@@ -187,8 +187,8 @@ impl Stage {
     /// # Errors
     /// [`Error::Usage`] if there is none.
     pub fn task(&self, index: usize) -> Result<&StageTask> {
-        let count = self.order.tasks.len();
-        let none = || Error::Usage(format!("{}: has {count} tasks, none numbered {index}", escape_path(&self.path())));
+        let tasks = counted(self.order.tasks.len() as u64, "task");
+        let none = || Error::Usage(format!("{}: has {tasks}, none numbered {index}", escape_path(&self.path())));
         self.order.tasks.get(index).ok_or_else(none)
     }
 
