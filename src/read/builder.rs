@@ -208,6 +208,15 @@ impl<'a> MeshBuilder<'a> {
         self.faces.is_empty() && self.face_buffer.is_empty()
     }
 
+    /// Words for a file whose faces all repeat a vertex; `None` if it has no faces at all.
+    pub(super) fn all_repeat(&self) -> Option<String> {
+        match self.triangles {
+            0 => None,
+            1 => Some("no faces: the only face repeats a vertex".to_owned()),
+            count => Some(format!("no faces: all {count} repeat a vertex")),
+        }
+    }
+
     /// Adds what is known of the whole file to the catalogue.
     pub(super) fn describe(&self, catalogue: &mut Catalogue) {
         catalogue.has_normals |= self.uses_normals;

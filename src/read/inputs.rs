@@ -48,7 +48,8 @@ impl InputChoice {
 ///
 /// # Errors
 /// [`Error::Input`] if a path does not exist or is neither a file nor a folder, if an `*.obj` or `*.ply` is neither, or if
-/// a folder contains none; [`Error::Io`] if a folder cannot be read; [`Error::Usage`] if a pattern is invalid.
+/// a folder contains none; [`Error::Io`] if a folder cannot be read; [`Error::Usage`] if a pattern is invalid, or for a
+/// GLB.
 pub fn find_inputs(choice: &InputChoice) -> Result<Vec<PathBuf>> {
     find_inputs_and_idle(choice).map(|(found, _)| found)
 }
@@ -107,6 +108,7 @@ fn add_inputs(path: &Path, left_out: &[Exclusion], found: &mut Vec<PathBuf>) -> 
         _ => Error::io(path, "open", e),
     })?;
     if kind.is_file() {
+        MeshFormat::of(path)?;
         found.push(path.to_owned());
         return Ok(());
     }
@@ -249,6 +251,15 @@ mod tests {
             std::os::unix::fs::symlink(tiles.path(), folder.path().join(format!("link{i}"))).unwrap();
         }
         assert_eq!(find_inputs(&folder.path().into()).unwrap(), [folder.path().join("link10/a.obj")]);
+    }
+
+    #[test]
+    fn a_glb_is_refused_before_anything_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.glb");
+        fs::write(&path, b"glTF\x02\0\0\0").unwrap();
+        let error = find_inputs(&path.into()).unwrap_err();
+        assert!(matches!(&error, Error::Usage(words) if words.contains("a GLB is written, but not read")), "{error}");
     }
 
     #[cfg(unix)]

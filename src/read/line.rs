@@ -1,7 +1,7 @@
 //! Splits OBJ and MTL text into lines.
 //!
 //! In: bytes. Out: logical lines, and the number of physical lines in each. A line ends in LF, CR LF or a lone CR; a
-//! backslash right before the line end joins it with the next line, except in a comment.
+//! backslash right before the line end joins it with the next line, except on a line that is a comment.
 
 use std::borrow::Cow;
 

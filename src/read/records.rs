@@ -1,4 +1,4 @@
-//! ParsedRecords of a chunk: the vertices, faces and labels that a worker has parsed, whatever the format.
+//! Records of a chunk: the vertices, faces and labels that a worker has parsed, whatever the format.
 //!
 //! ```text
 //! polygon_sizes     3        4            3
@@ -137,7 +137,7 @@ impl ParsedRecords {
         self.positions.push(position);
     }
 
-    /// ParsedRecords a change. Replaces one that no face has used yet, so that changes without faces take no memory.
+    /// Records a change. Replaces one that no face has used yet, so that changes without faces take no memory.
     pub fn push_change(&mut self, kind: LabelKind, name: &[u8]) {
         let polygon = self.polygon_sizes.len() as u32;
         let name = self.push_name(name);

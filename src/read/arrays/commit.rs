@@ -53,11 +53,8 @@ impl<'a> FileCommit<'a, ArraySource> for ArrayCommit<'a> {
         };
         file.check_unchanged(self.path)?;
         if self.builder.has_no_faces() {
-            let message = match self.builder.triangles {
-                0 => "no faces".to_owned(),
-                count => format!("no faces: all {count} repeat a vertex"),
-            };
-            return Err(Error::input(self.path, 0, message));
+            let none = || "no faces".to_owned();
+            return Err(Error::input(self.path, 0, self.builder.all_repeat().unwrap_or_else(none)));
         }
         define_materials(&layout, labels)?;
         self.builder.describe(labels.materials_of_file().0);

@@ -46,7 +46,7 @@ fn read_vertices(bytes: &[u8], layout: &ArrayLayout, first: u64, records: &mut P
         let (position, colour) = record.split_at(24);
         let position = doubles::<3>(position);
         if let Some(bad) = position.iter().find(|x| x.is_nan() || x.abs() > COORDINATE_MAX) {
-            return Err(format!("vertex {number}: expected a finite 32-bit coordinate, found {bad}"));
+            return Err(format!("vertex {number}: expected a number between -3.4e38 and 3.4e38, found {bad}"));
         }
         position.iter().for_each(|&x| raise_decimals(x, &mut records.position_decimals));
         let colour = layout.has_colours.then(|| floats::<3>(colour));
@@ -63,7 +63,9 @@ fn read_texcoords(bytes: &[u8], first: u64, records: &mut ParsedRecords) -> Reco
     for (number, record) in (first..).zip(bytes.chunks_exact(ArrayLayout::TEXCOORD_BYTES as usize)) {
         let texcoord = doubles::<2>(record);
         if let Some(bad) = texcoord.iter().find(|x| x.is_nan() || x.abs() > COORDINATE_MAX) {
-            return Err(format!("texture coordinate {number}: expected a finite 32-bit number, found {bad}"));
+            return Err(format!(
+                "texture coordinate {number}: expected a number between -3.4e38 and 3.4e38, found {bad}"
+            ));
         }
         texcoord.iter().for_each(|&x| raise_decimals(x, &mut records.texcoord_decimals));
         records.texcoords.push(DVec2::from_array(texcoord));

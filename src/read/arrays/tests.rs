@@ -146,13 +146,13 @@ fn faulty_records_are_named() {
     };
     let (there, uv, face) = ([0.0, 1.0, 0.0], [1.0; 2], [0, 1, 2, 0, 0, 0, 0]);
     let faults = [
-        (triangle([0.0, f64::NAN, 0.0], uv, face), "vertex 2: expected a finite 32-bit coordinate, found NaN"),
+        (triangle([0.0, f64::NAN, 0.0], uv, face), "vertex 2: expected a number between -3.4e38 and 3.4e38, found NaN"),
         (triangle([1e39, 0.0, 0.0], uv, face), "vertex 2:"),
         (triangle(there, [0.0, f64::INFINITY], face), "texture coordinate 1:"),
         (triangle(there, uv, [0, 1, 3, 0, 0, 0, 0]), "face 1: refers to vertex 3; there are 3, counted from 0"),
         (triangle(there, uv, [0, 1, 2, 0, 2, 0, 0]), "face 1: refers to texture coordinate 2"),
         (file_of(&[[0.0; 3]], &[], &[], &[]), "no faces"),
-        (file_of(&[[0.0; 3]], &[], &[[0, 0, 0, NONE, NONE, NONE, 0]], &[]), "no faces: all 1 repeat a vertex"),
+        (file_of(&[[0.0; 3]], &[], &[[0, 0, 0, NONE, NONE, NONE, 0]], &[]), "no faces: the only face repeats a vertex"),
     ];
     let folder = tempfile::tempdir().unwrap();
     for (bytes, words) in faults {

@@ -15,7 +15,7 @@ use super::parsed::{LineError, Numbered, ParsedChunk};
 use super::statements::find_dangling_index;
 use crate::base::error::escape_path;
 use crate::base::id::{Id, TiSlice};
-use crate::base::{Error, Findings, Result};
+use crate::base::{Error, Findings, Result, counted};
 use crate::read::builder::{FinishedFile, MeshBuilder};
 use crate::read::file::chain;
 use crate::read::parts::Labels;
@@ -196,12 +196,15 @@ impl ObjCommit<'_> {
     fn no_faces(&self) -> Error {
         let unknown =
             self.builder.findings.iter().find(|(kind, _)| *kind == "unknown_statements").map(|(_, finding)| finding);
-        let found = match unknown.and_then(|finding| Some((finding.count, finding.places.first()?))) {
-            _ if self.builder.triangles > 0 => format!("no faces: all {} repeat a vertex", self.builder.triangles),
+        let found = || match unknown.and_then(|finding| Some((finding.count, finding.places.first()?))) {
+            Some((1, place)) => format!("no faces; 1 line is not OBJ: {place}"),
             Some((count, place)) => format!("no faces; {count} lines are not OBJ, such as {place}"),
-            None => format!("no faces; expected OBJ text with 'f' statements, found {} lines", self.line_count),
+            None => {
+                let lines = counted(self.line_count, "line");
+                format!("no faces; expected OBJ text with 'f' statements, found {lines}")
+            }
         };
-        Error::input(self.path, 0, found)
+        Error::input(self.path, 0, self.builder.all_repeat().unwrap_or_else(found))
     }
 }
 

@@ -108,7 +108,7 @@ impl Parser<'_> {
                 None => return Err(format!("expected a number, found '{}'", quote(word))),
             };
             if count < 3 && (value.is_nan() || value.abs() > COORDINATE_MAX) {
-                return Err(format!("expected a finite 32-bit coordinate, found '{}'", quote(word)));
+                return Err(format!("expected a number between -3.4e38 and 3.4e38, found '{}'", quote(word)));
             }
             if let Some(place) = values.get_mut(count) {
                 *place = value;

@@ -170,8 +170,8 @@ fn damaged_lines_are_named() {
     for (text, expected) in [
         ("v 1 2\n", "a.obj:1: a vertex has 3 numbers, found 2"),
         ("v 0 0 0\nv 1,5 0 0\n", "a.obj:2: expected a number, found '1,5'"),
-        ("v nan 0 0\n", "a.obj:1: expected a finite 32-bit coordinate, found 'nan'"),
-        ("v 0 0 1e39\n", "a.obj:1: expected a finite 32-bit coordinate, found '1e39'"),
+        ("v nan 0 0\n", "a.obj:1: expected a number between -3.4e38 and 3.4e38, found 'nan'"),
+        ("v 0 0 1e39\n", "a.obj:1: expected a number between -3.4e38 and 3.4e38, found '1e39'"),
         ("v 0 0 0\0\n", "a.obj:1: expected text, found NUL bytes; the file is damaged, or binary"),
         ("v 0 0 0\nf 0 1 1\n", "a.obj:2: expected a vertex index, found 0; OBJ counts from 1"),
         ("v 0 0 0\nf 1/1/1/1 1 1\n", "a.obj:2: a corner has at most two slashes, found '1/1/1/1'"),
@@ -183,7 +183,10 @@ fn damaged_lines_are_named() {
         ("v 0 0 0\nf 1/-1 1/1 1/1\nvt 0 0\n", "a.obj:2: face refers to texture coordinate -1, the file has 0"),
         ("OFF\n3 1 3\n", "a.obj:1: expected OBJ text, found an OFF file"),
         ("V 0 0 0\nF 1 1 1\n", "a.obj: no faces; 2 lines are not OBJ"),
-        ("f 1 1 1\nv 0 0 0\n", "a.obj: no faces: all 1 repeat a vertex"),
+        ("f 1 1 1\nv 0 0 0\n", "a.obj: no faces: the only face repeats a vertex"),
+        ("f 1 1 1\nf 1 1 1\nv 0 0 0\n", "a.obj: no faces: all 2 repeat a vertex"),
+        ("V 0 0 0\n", "a.obj: no faces; 1 line is not OBJ: "),
+        ("v 0 0 0\n", "a.obj: no faces; expected OBJ text with 'f' statements, found 1 line"),
         ("", "a.obj: no faces; expected OBJ text with 'f' statements, found 0 lines"),
     ] {
         assert!(message(text).starts_with(expected), "{text:?} says {}", message(text));

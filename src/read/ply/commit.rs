@@ -77,14 +77,8 @@ impl<'a> FileCommit<'a, PlySource> for PlyCommit<'a> {
         };
         file.check_unchanged(self.path)?;
         if self.builder.has_no_faces() {
-            return Err(Error::input(
-                self.path,
-                0,
-                match self.builder.triangles {
-                    0 => "no faces; expected a PLY with an element 'face' of three or more corners".to_owned(),
-                    count => format!("no faces: all {count} repeat a vertex"),
-                },
-            ));
+            let none = || "no faces; expected a PLY with an element 'face' of three or more corners".to_owned();
+            return Err(Error::input(self.path, 0, self.builder.all_repeat().unwrap_or_else(none)));
         }
         if layout.has_float_positions {
             // NOTE: the last digits of a float are noise, and vertices that move need no more than the others have.

@@ -198,9 +198,10 @@ impl PlyHeader {
             let spare = u64::from(self.encoding == Encoding::Ascii);
             if (at - self.bytes).saturating_add(needed) > rest + spare {
                 let message = format!(
-                    "{} records of at least {least} bytes of element '{}', the file ends {} bytes after byte {at}",
-                    element.count,
+                    "element '{}' needs at least {needed} bytes ({} records of at least {least}); the file has {} left \
+                     at byte {at}",
                     escape(&element.name),
+                    element.count,
                     file_bytes.saturating_sub(at),
                 );
                 return Err(Error::input(path, element.line, message));
@@ -366,7 +367,10 @@ mod tests {
         let header = parse(text).unwrap();
         let error = header.check_size(Path::new("a.ply"), header.bytes + 9).unwrap_err().to_string();
         assert!(
-            error.contains("a.ply:3: ") && error.contains("at least 4 bytes") && error.contains("9 bytes after byte")
+            error.contains("a.ply:3: ")
+                && error.contains("records of at least 4)")
+                && error.contains("has 9 left at byte"),
+            "{error}"
         );
         let header = parse(&text.replace("18446744073709551615", "2")).unwrap();
         assert!(header.check_size(Path::new("a.ply"), header.bytes + 10).is_ok());

@@ -21,7 +21,7 @@ use crate::read::records::{LabelKind, ParsedRecords};
 /// Number of texture coordinates that are remembered, so that neighbours share them. A power of two.
 const RECENT: usize = 4096;
 
-/// ParsedRecords of a chunk.
+/// Records of a chunk.
 #[derive(Debug, Default)]
 pub struct PlyRecords {
     /// Vertices and faces; corners count texture coordinates from the first of the chunk if they are those of faces.
@@ -116,7 +116,7 @@ impl VertexParser<'_> {
         let size = x.abs().max(y.abs()).max(z.abs());
         let is_bad = |value: &f64| value.is_nan() || value.abs() > COORDINATE_MAX;
         if let Some(bad) = [x, y, z].into_iter().find(is_bad) {
-            return Err(format!("expected a finite 32-bit coordinate, found {bad}"));
+            return Err(format!("expected a number between -3.4e38 and 3.4e38, found {bad}"));
         }
         self.largest = self.largest.max(size);
         let mut colour = None;

@@ -200,8 +200,8 @@ fn faulty_records_are_named_by_line_or_byte() {
         (text("1 0 0\n", "1 0\n"), "a.ply:11: vertex 1: expected a number, found a line end"),
         (text("1 0 0\n", "1 0 0 5\n"), "a.ply:11: vertex 1: expected a line end, found '5'"),
         (text("1 0 0\n", "1 O 0\n"), "a.ply:11: vertex 1: expected a number, found 'O'"),
-        (text("1 0 0\n", "1 nan 0\n"), "a.ply:11: vertex 1: expected a finite 32-bit coordinate, found NaN"),
-        (text("1 0 0\n", "1 1e39 0\n"), "a.ply:11: vertex 1: expected a finite 32-bit coordinate, found 1000"),
+        (text("1 0 0\n", "1 nan 0\n"), "a.ply:11: vertex 1: expected a number between -3.4e38 and 3.4e38, found NaN"),
+        (text("1 0 0\n", "1 1e39 0\n"), "a.ply:11: vertex 1: expected a number between -3.4e38 and 3.4e38, found 1000"),
         (text("3 0 3 1", "3 0 3 4"), "a.ply:15: face 1: refers to vertex 4; the file has 4, counted from 0"),
         (text("3 0 3 1", "3 0 3 -1"), "a.ply:15: face 1: refers to vertex -1"),
         (text("3 0 3 1", "3 0 3 99999999999999999999"), "a.ply:15: face 1: refers to vertex 9223372036854775807"),
@@ -209,13 +209,16 @@ fn faulty_records_are_named_by_line_or_byte() {
         (text("3 0 3 1", "4 0 3 1"), "a.ply:15: face 1: expected a number, found a line end"),
         (text("3 0 2 3\n", ""), "a.ply:17: expected 4 records of element 'face', the file ends after 3"),
         (text("3 0 2 3\n", "3 0 2 3\n\n7\n"), "a.ply:18: expected the end of the file"),
-        (text("element vertex 4", "element vertex 4000"), "a.ply:3: 4000 records of at least 6 bytes"),
+        (text("element vertex 4", "element vertex 4000"), "a.ply:3: element 'vertex' needs at least 24000 bytes (4000"),
         (text("element face", "element faces"), "a.ply: no faces: the header has no element 'face'"),
         (text("element vertex", "element vertices"), "a.ply: expected an element 'vertex'"),
         (text("float y", "float w"), "a.ply: expected a property 'y' of element 'vertex'"),
         (text("uchar int", "uchar float"), "a.ply:8: expected vertex indices that are integers"),
         (text("vertex_indices", "corners"), "a.ply: expected a list 'vertex_indices'"),
-        (text("3 0 1 2\n3 0 3 1\n3 1 3 2\n3 0 2 3", "1 0\n2 1 2\n3 1 1 2\n0"), "a.ply: no faces: all 1 repeat"),
+        (
+            text("3 0 1 2\n3 0 3 1\n3 1 3 2\n3 0 2 3", "1 0\n2 1 2\n3 1 1 2\n0"),
+            "a.ply: no faces: the only face repeats",
+        ),
     ] {
         let found = message(&bytes);
         assert!(found.starts_with(expected), "{found}\n{expected}");
@@ -230,13 +233,16 @@ fn faulty_records_are_named_by_line_or_byte() {
     };
     let cut = |less: usize| binary(SMALL)[..binary(SMALL).len() - less].to_vec();
     for (bytes, expected) in [
-        (changed(16, &f32::NAN.to_le_bytes()), format!("vertex 1, at byte {}: expected a finite", start + 12)),
+        (changed(16, &f32::NAN.to_le_bytes()), format!("vertex 1, at byte {}: expected a number between", start + 12)),
         (changed(48 + 13 + 1, &4u32.to_le_bytes()), format!("face 1, at byte {}: refers to vertex 4", start + 61)),
         (changed(48 + 13 + 1, &(-1i32).to_le_bytes()), format!("face 1, at byte {}: refers to vertex -1", start + 61)),
         (changed(48 + 39, &[255]), format!("face 3, at byte {}: a list of 255 numbers passes the end", start + 87)),
         (cut(1), "a list of 3 numbers passes the end of the file".to_owned()),
         (cut(13), "expected 4 records of element 'face', the file ends after 3".to_owned()),
-        (cut(60), "4 records of at least 12 bytes of element 'vertex', the file ends 40 bytes after".to_owned()),
+        (
+            cut(60),
+            "element 'vertex' needs at least 48 bytes (4 records of at least 12); the file has 40 left at".to_owned(),
+        ),
         ([binary(SMALL), vec![0; 3]].concat(), "expected the end of the file at byte".to_owned()),
     ] {
         let found = message(&bytes);
