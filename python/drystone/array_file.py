@@ -56,7 +56,7 @@ class ArrayMesh:
             if self.uv is not None:
                 for start, block in _blocks(self.uv):
                     values = np.asarray(block, dtype="<f8")
-                    _refuse_rows("uv", start, _is_bad(values), "expected finite 32-bit numbers")
+                    _refuse_rows("uv", start, _is_bad(values), "expected numbers between -3.4e38 and 3.4e38")
                     file.write(np.ascontiguousarray(values).data)
             self._write_faces(file)
 
@@ -72,7 +72,7 @@ class ArrayMesh:
         colors = self.colors
         for start, block in _blocks(self.vertices):
             values = np.asarray(block, dtype="<f8")
-            _refuse_rows("vertices", start, _is_bad(values), "expected finite 32-bit coordinates")
+            _refuse_rows("vertices", start, _is_bad(values), "expected numbers between -3.4e38 and 3.4e38")
             if colors is None:
                 file.write(np.ascontiguousarray(values).data)
                 continue

@@ -10,8 +10,8 @@ Hands: TypeAlias = Callable[[str, int, Callable[[], bool]], object]
 """Called once for each stage of a job, in a thread of its own, with the path of the stage's file, the number of its
 tasks and a function that says whether the job is to stop.
 
-It has `drystone task STAGE INDEX` run for each index from 0, on any machine, and returns once no more will be done; a
-list of what failed is fine. If it raises, the job stops, and the exception comes out. `drystone.dask.Runner` is one."""
+It has `drystone task STAGE INDEX` run for each index from 0, on any machine, and returns once all tasks have ended; it
+may return a list of those that failed. If it raises, the job stops, and the exception comes out. `drystone.dask.Runner` is one."""
 
 
 def starter(hands: Hands | None) -> Callable[[StageTasks], None] | None:

@@ -18,7 +18,7 @@ class SimplifyOptions(TypedDict, total=False):
     """Options that shape the result of a simplification; those that are left out have the command line's defaults."""
 
     topology: Literal["simplify", "keep"]
-    """Whether the surface keeps its holes, handles and pieces."""
+    """Whether holes, handles and components may go."""
     borders: Literal["simplify", "lock"]
     """How to simplify open borders."""
     weld: Literal["exact", "off"]
@@ -36,7 +36,7 @@ class SimplifyOptions(TypedDict, total=False):
     atlas: int
     """With `textures="bake"`: largest side of an image in texels, a power of two from 256 to 16384."""
     cluster_faces: int
-    """Triangles per cluster, about. Changes memory a lot and the result slightly."""
+    """Approximate triangles per cluster. Changes memory a lot and the result slightly."""
     passes: int
     """Passes over shifted clusters."""
     metric: Literal["qem", "qem-attributes", "qem-1997", "oblique", "curvature", "terrain", "sharpness"]
@@ -61,7 +61,7 @@ class FileOptions(SimplifyOptions, total=False):
     textures: Literal["copy", "link", "reference", "bake"]
     """How to write texture images."""
     textures_outside: Literal["refer", "copy"]
-    """How to write textures outside of the MTL's folder."""
+    """What to do with images that an MTL names outside its own folder."""
     image: str
     """With `textures="bake"`: format of the images: "png", "jpeg" or "jpeg:QUALITY"."""
 
@@ -78,7 +78,7 @@ class TileOptions(TypedDict, total=False):
     compress: Literal["meshopt", "none"]
     """How vertices and triangles are stored."""
     error_factor: float
-    """Geometric error of a tile, by the larger of its texel and its deviation."""
+    """Geometric error of a tile, as a multiple of the larger of its texel and its deviation."""
     up: Literal["z", "y"]
     """Which axis of the input points up."""
     origin: Sequence[float]

@@ -74,7 +74,7 @@ impl Simplify {
     }
 
     /// Largest distance between result and input, both ways, in the mesh's unit of length. With a number of triangles,
-    /// whichever comes first.
+    /// the run stops at the limit that it reaches first.
     #[must_use]
     pub fn max_error(self, length: f64) -> Self {
         self.with(|options| options.target.max_error = Some(length))

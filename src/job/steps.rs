@@ -98,7 +98,7 @@ impl RecordedSteps {
         (known.is_earlier && self.valid.contains(&known.record.id)).then_some(&known.record)
     }
 
-    /// RecordedSteps that an earlier process finished and that count, latest first.
+    /// Steps that an earlier process finished and that count, latest first.
     pub(super) fn latest(&self) -> Vec<StepKey> {
         let counts = |known: &&LastRecord| known.is_earlier && self.valid.contains(&known.record.id);
         let mut records: Vec<&StepRecord> = self.known.values().filter(counts).map(|known| &known.record).collect();

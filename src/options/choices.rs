@@ -79,9 +79,9 @@ choice! {
 choice! {
     /// Whether the topology may change.
     Topology {
-        /// Where that costs no more than another collapse: holes close, pieces vanish, non-manifold vertices collapse
+        /// Holes close, components vanish, non-manifold vertices collapse if that costs no more than other collapses
         Simplify = "simplify",
-        /// It stays: no hole closes, no piece vanishes, non-manifold vertices stay where they are
+        /// No hole closes, no component vanishes, non-manifold vertices stay where they are
         Keep = "keep",
     }
 }
@@ -89,10 +89,10 @@ choice! {
 choice! {
     /// What happens to connected components that are smaller than the error.
     Pieces {
-        /// Keep every component
+        /// Drop none for its size alone; --topology simplify may still remove or join some
         Keep = "keep",
-        /// Remove components whose bounding-box diagonal is below the error so far, the smallest first, but not below the
-        /// target; not with --max-error
+        /// Remove components whose bounding-box diagonal is smaller than the present error, the smallest first, until
+        /// the target is met; not with --max-error
         Drop = "drop",
     }
 }
@@ -100,7 +100,7 @@ choice! {
 choice! {
     /// What happens to faces that lie on each other.
     Doubles {
-        /// Keep all; their vertices hold still
+        /// Keep all; with --topology keep their vertices are locked
         Keep = "keep",
         /// Keep the first of the faces that have the same three vertices, whichever way they face
         Drop = "drop",

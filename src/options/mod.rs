@@ -51,15 +51,16 @@ pub struct JobOptions {
     /// Whether the folder stays after success; the same call then returns at once.
     pub keep_work: bool,
     /// Whether files are left to the system to write: faster on slow disks. A power cut may then cost the job and
-    /// damage the result; a kill costs no more than before.
+    /// damage the result; a killed job still resumes.
     pub no_sync: bool,
     /// Whether an existing output may be replaced.
     pub force: bool,
     /// Command that has tasks done on other machines; `None` to do them all in this process.
     ///
     /// The shell runs it once for each stage of the job. In it, `{stage}` stands for the path of the stage's file,
-    /// `{count}` for the number of its tasks and `{last}` for that less one; it has `drystone task STAGE INDEX` run for
-    /// each index from 0, and ends when no more will be done. The result has the same bytes.
+    /// `{count}` for the number of its tasks, `{last}` for the number of the last task. It runs
+    /// `drystone task STAGE INDEX` for each INDEX from 0 to `{last}`, and exits when all tasks have ended, also those
+    /// that failed. The result has the same bytes.
     pub task_runner: Option<String>,
     /// Who has tasks done instead of a command, for a program that does so itself.
     #[serde(skip)]
@@ -153,7 +154,7 @@ pub struct SimplifyOptions {
     pub weld: Weld,
     /// What to do with connected components smaller than the error.
     pub pieces: Pieces,
-    /// Whether the surface keeps its holes, handles and pieces; it does where borders or seams are locked.
+    /// Whether holes, handles and components may go; where borders or seams are locked they stay.
     pub topology: Topology,
     /// What to do with copies and back sides of faces.
     pub doubles: Doubles,
@@ -165,7 +166,7 @@ pub struct SimplifyOptions {
     pub seams: Option<Seams>,
     /// How to write texture images.
     pub textures: TextureFiles,
-    /// How to write texture images that an MTL names outside of its own folder.
+    /// What to do with images that an MTL names outside its own folder.
     pub textures_outside: TexturesOutside,
     /// Texels of baked textures, as a share of those that the input shows.
     pub texels: f64,

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::base::{Error, Result};
 
 /// How far a mesh is simplified: to a number of triangles, or as far as a bound on the error allows. With both,
-/// whichever comes first.
+/// the run stops at the limit that it reaches first.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(into = "TargetFields", try_from = "TargetFields")]
 pub struct Target {

@@ -29,7 +29,7 @@ pub struct TileOptions {
     pub image: ImageFormat,
     /// How vertices and triangles are stored.
     pub compress: TileCompression,
-    /// Geometric error of a tile, by the larger of its texel and its deviation from the input.
+    /// Geometric error of a tile, as a multiple of the larger of its texel and its deviation from the input.
     pub error_factor: f64,
     /// Which axis of the input points up.
     pub up: UpAxis,

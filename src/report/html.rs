@@ -113,7 +113,8 @@ fn floor(report: &Report) -> Markup {
     html! {
         section.alarm {
             h2 { "The target was missed by " (spaced(over)) " triangles" }
-            p { "No legal collapse of a sensible cost is left in the last pass. What stands in the way:" }
+            p { "Every edge that is left is locked, or its collapse would damage the mesh or move the surface far. \
+                What stands in the way:" }
             table {
                 (row("vertices on open borders", &spaced(floor.border)))
                 (row("vertices on texture seams", &spaced(floor.seam)))
@@ -140,8 +141,8 @@ fn topology(report: &Report) -> Markup {
             }
             @if let Some(share) = report.new_texture_below {
                 p {
-                    "Below " (format!("{:.2} %", 100.0 * share)) " of the triangles, the seams of the texture would take more "
-                    "vertices than there are: from there on a new texture gives a better image."
+                    "Below " (format!("{:.2} %", 100.0 * share)) " of the triangles, the seams of the texture need "
+                    "more vertices than the mesh has: --textures bake gives a better image there."
                 }
             }
         }

@@ -168,7 +168,7 @@ pub struct Report {
     pub error: ErrorFigures,
     /// Changes of the topology.
     pub topology: Changes,
-    /// Share of the triangles below which a new texture would pay: seams would take more vertices than there are.
+    /// Share of the triangles below which a new texture is better: seams need more vertices than the mesh has.
     /// `None` if the result has more triangles, or no texture.
     pub new_texture_below: Option<f64>,
     /// Share of the result's vertices that seams would take if all edges were equally long; `None` without texture or

@@ -11,8 +11,9 @@ use crate::passes::Floor;
 use crate::passes::outcome::StageReport;
 use crate::simplify::Changes;
 
-/// Maximum number of characters of a warning line; the report has the rest.
-const LINE_CHARACTERS: usize = 200;
+/// Maximum number of characters of a warning line; the report has the rest. Two names of the input, each cut by
+/// [`escape`](crate::base::error::escape) after 200, and a reason fit.
+const LINE_CHARACTERS: usize = 600;
 /// Maximum number of warning lines of one kind; the report has the rest.
 const LINES_PER_KIND: usize = 3;
 /// Growth of the error that counts as a leap, as a multiple of that of a smooth surface.
@@ -55,7 +56,7 @@ impl Report {
             let _ = writeln!(text, "{name}: {count}");
         }
         if let Some(share) = self.new_texture_below {
-            let _ = writeln!(text, "a new texture would pay below: {:.2}%", 100.0 * share);
+            let _ = writeln!(text, "use --textures bake below: {:.2}%", 100.0 * share);
         }
         for (kind, count) in &self.repairs {
             let _ = writeln!(text, "{}: {count}", kind.replace('_', " "));
@@ -63,7 +64,7 @@ impl Report {
         text
     }
 
-    /// The warnings for a terminal: a few of each kind, each a line of at most 200 characters.
+    /// The warnings for a terminal: a few of each kind, each a line of at most 600 characters.
     pub fn warning_lines(&self) -> Vec<String> {
         warning_lines(&self.warnings, "--report FILE.json or FILE.html lists them")
     }
@@ -76,7 +77,8 @@ impl Report {
         let share = |faces: u64| 100.0 * faces as f64 / self.faces.input.max(1) as f64;
         let mut lines = vec![
             format!(
-                "stopped at {:.2} % ({}): the target of {} cannot be met by legal collapses of a sensible cost",
+                "stopped at {:.2} % ({}): the target of {} cannot be reached: every edge that is left is locked, or \
+                 its collapse would damage the mesh or move the surface far",
                 share(self.faces.output),
                 counted(self.faces.output, "triangle"),
                 counted(self.faces.target, "triangle"),
@@ -94,13 +96,14 @@ impl Report {
         let stages: Vec<_> = self.passes.iter().flat_map(|pass| &pass.stages).collect();
         lines.push(match last_sensible(&stages) {
             Some([before, after]) => format!(
-                "below {:.2} % the estimated RMS error leaps from {} to {}: the least sensible target is about --ratio {:.4}",
+                "with fewer than {:.2} % of the triangles, the estimated RMS error jumps from {} to {}: the lowest \
+                 sensible target is about --ratio {:.4}",
                 share(before.faces),
                 length(before.rms_estimate),
                 length(after.rms_estimate),
                 share(before.faces) / 100.0,
             ),
-            None => format!("the least sensible target is about --ratio {:.4}", share(self.faces.output) / 100.0),
+            None => format!("the lowest sensible target is about --ratio {:.4}", share(self.faces.output) / 100.0),
         });
         lines.extend(self.ways_out(floor));
         lines
@@ -111,8 +114,8 @@ impl Report {
         let least = (self.faces.output + forced) as f64 / self.faces.input.max(1) as f64;
         (forced > 0).then(|| {
             format!(
-                "the last {} went by collapses that may fold triangles or turn them over: the least sensible target is \
-                 about --ratio {least:.4}",
+                "the last {} went by collapses that may fold triangles or turn them over: the lowest sensible target \
+                 is about --ratio {least:.4}",
                 counted(forced, "triangle"),
             )
         })
@@ -158,7 +161,7 @@ fn last_sensible<'a>(stages: &[&'a StageReport]) -> Option<[&'a StageReport; 2]>
     stages.windows(2).find(leaps).map(|pair| [pair[0], pair[1]])
 }
 
-/// Lines `warning: kind: place`, a few of each kind, each of at most 200 characters; then a line that says that there
+/// Lines `warning: kind: place`, a few of each kind, each of at most 600 characters; then a line that says that there
 /// are more, and which option lists them.
 pub fn warning_lines(warnings: &[String], way: &str) -> Vec<String> {
     let kind_of = |line: &String| line.split(':').next().unwrap_or_default().to_owned();
@@ -191,7 +194,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn the_least_sensible_target_is_where_the_error_leaps() {
+    fn the_lowest_sensible_target_is_where_the_error_leaps() {
         let stage = |faces, rms_estimate| StageReport { faces, threshold: 0.0, rms_estimate };
         let stages = [stage(1000, 0.1), stage(500, 0.2), stage(250, 0.5), stage(200, 9.0), stage(100, 90.0)];
         let stages: Vec<_> = stages.iter().collect();
@@ -219,9 +222,16 @@ mod tests {
         assert_eq!(lines[LINES_PER_KIND + 1], "warning: missing texture: roof.jpg is not there");
     }
 
+    #[test]
+    fn files_that_fill_the_same_space_are_named_by_whole_paths() {
+        let [one, other] = ["a", "b"].map(|name| format!("/{}/{name}.obj", "a folder of scans/".repeat(10)));
+        let line = format!("doubled surface: {one} and {other} fill the same space: if one is a copy, leave it out");
+        assert_eq!(warning_lines(std::slice::from_ref(&line), "--json lists them"), [format!("warning: {line}")]);
+    }
+
     proptest! {
         #[test]
-        fn no_line_has_more_than_200_characters(text in ".{0,600}") {
+        fn no_line_has_more_than_600_characters(text in ".{0,1000}") {
             let line = clipped(&text);
             prop_assert!(line.chars().count() <= LINE_CHARACTERS);
             prop_assert!(text.chars().count() > LINE_CHARACTERS || line == text);

@@ -26,7 +26,7 @@ pub struct TileSettings {
     pub format: ImageFormat,
     /// Whether vertices and triangles are compressed.
     pub is_compressed: bool,
-    /// Geometric error of a tile, by the larger of its texel and its deviation.
+    /// Geometric error of a tile, as a multiple of the larger of its texel and its deviation.
     pub error_factor: f64,
     /// Whether the input has any colour.
     pub has_colour: bool,
