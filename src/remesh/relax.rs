@@ -197,7 +197,7 @@ struct Move {
 impl Move {
     /// Whether it raises the ring's smallest regularity, `worst`, and turns no face over. Begins the check for folds.
     fn raises(&self, mesh: &ClusterMesh, fan: &Fan, worst: f64, folds: &mut FoldCheck) -> bool {
-        folds.begin(false);
+        folds.begin(true);
         fan.spokes.iter().all(|spoke| {
             let (before, uv_before) = (mesh.triangle(spoke.face), mesh.uv_triangle(spoke.face));
             let (mut after, mut uv_after) = (before, uv_before);
