@@ -199,11 +199,21 @@ impl<M: Metric> Engine<M> {
         if self.forces_target && !result.reached { self.force(stop, result) } else { result }
     }
 
-    /// Runs one stage; cuts handles and continues until the stop is reached or no handle is left.
+    /// Runs one stage; cuts handles and continues until the stop is reached, no handle is left, or a cut adds more faces
+    /// than can go after it: that cut is undone.
     fn run_and_cut(&mut self, stop: Stop) -> StageResult {
         let mut result = self.run_once(stop);
-        while !result.reached && self.cut_shortest_handles() {
-            result = result.then(self.run_once(stop));
+        while !result.reached {
+            let uncut = self.remember();
+            if !self.cut_shortest_handles() {
+                break;
+            }
+            let longer = result.then(self.run_once(stop));
+            if self.mesh.face_count > uncut.mesh.face_count {
+                self.return_to(uncut);
+                break;
+            }
+            result = longer;
         }
         result
     }

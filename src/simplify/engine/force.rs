@@ -14,9 +14,9 @@ use crate::simplify::stage::{StageResult, Stop};
 /// Smallest share of the faces above the target that must go for forced collapses to stand.
 const SHARE_MIN: f64 = 0.5;
 
-/// The state before the target is forced.
-struct Unforced {
-    mesh: ClusterMesh,
+/// The state before a step that may be undone.
+pub(super) struct Restorable {
+    pub mesh: ClusterMesh,
     classes: TiVec<LocalVertex, Class>,
     changes: Changes,
     refusals: [u64; Refusal::COUNT],
@@ -53,9 +53,9 @@ impl<M: Metric> Engine<M> {
         result
     }
 
-    fn remember(&mut self) -> Unforced {
+    pub(super) fn remember(&mut self) -> Restorable {
         self.tidy();
-        Unforced {
+        Restorable {
             mesh: self.mesh.clone(),
             classes: self.classes.clone(),
             changes: self.changes,
@@ -70,18 +70,18 @@ impl<M: Metric> Engine<M> {
         }
     }
 
-    fn return_to(&mut self, unforced: Unforced) {
-        self.mesh = unforced.mesh;
-        self.classes = unforced.classes;
-        self.changes = unforced.changes;
-        self.refusals = unforced.refusals;
-        self.squared_error = unforced.squared_error;
-        self.last_cost = unforced.last_cost;
-        self.spare_edges = unforced.spare_edges;
-        self.seam_vertices = unforced.seam_vertices;
-        self.stage_area = unforced.area;
-        self.milestones.truncate(unforced.milestones);
-        if let (Some(log), Some(collapses)) = (&mut self.log, unforced.collapses) {
+    pub(super) fn return_to(&mut self, state: Restorable) {
+        self.mesh = state.mesh;
+        self.classes = state.classes;
+        self.changes = state.changes;
+        self.refusals = state.refusals;
+        self.squared_error = state.squared_error;
+        self.last_cost = state.last_cost;
+        self.spare_edges = state.spare_edges;
+        self.seam_vertices = state.seam_vertices;
+        self.stage_area = state.area;
+        self.milestones.truncate(state.milestones);
+        if let (Some(log), Some(collapses)) = (&mut self.log, state.collapses) {
             log.truncate(collapses);
         }
         self.is_tidy = false;
