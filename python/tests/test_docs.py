@@ -170,7 +170,7 @@ def test_choices_are_those_of_the_command():
     found = 0
     for name, hint in hints.items():
         if typing.get_origin(hint) is typing.Literal:
-            section = re.split(r"\n +(?:-\w, )?--", text.split(f"--{name.replace('_', '-')} <")[1])[0]
+            section = re.split(r"\n {2,6}(?:-\w, )?--", text.split(f"--{name.replace('_', '-')} <")[1])[0]
             assert set(re.findall(r"^ +- ([a-z0-9-]+):", section, re.MULTILINE)) == set(typing.get_args(hint)), name
             found += 1
     assert found >= 9
