@@ -1,6 +1,7 @@
 //! Cutting a mesh into clusters costs no quality: the same error as in one cluster.
 
-use crate::meshes::{Mesh, in_many_clusters, noise, ratio, read, simplify, simplify_text, terrain, town};
+use crate::meshes::{Mesh, Sketch, in_many_clusters, noise, ratio, read, simplify, simplify_text, terrain, town};
+use drystone::SimplifyOptions;
 use drystone::geometry::boxtree::{Bounds, BoxTree};
 use drystone::geometry::closest_weights;
 use glam::DVec3;
@@ -87,4 +88,33 @@ fn former_borders_leave_no_dense_bands() {
     let most = f64::from(*inside.iter().max().unwrap());
     println!("mean {mean}, most {most}");
     assert!(most < 2.0 * mean, "{most} vertices in a tile, {mean} on average");
+}
+
+/// A grid of `side` × `side` squares, rough in some of its blocks and nearly flat in the others.
+fn patchwork(side: usize, seed: u64) -> Sketch {
+    const BLOCK: usize = 60;
+    let mut sketch = Sketch::default();
+    for (i, j) in (0..=side).flat_map(|i| (0..=side).map(move |j| (i, j))) {
+        let bump = if noise(i / BLOCK, j / BLOCK, seed) < 0.3 { 1.0 } else { 0.02 };
+        sketch.positions.push(DVec3::new(i as f64, j as f64, bump * (noise(i, j, seed ^ 1) - 0.5)));
+    }
+    for (i, j) in (0..side).flat_map(|i| (0..side).map(move |j| (i, j))) {
+        let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(x, y)| ((i + x) * (side + 1) + j + y, 0));
+        sketch.faces.extend([[a, b, c], [a, c, d]]);
+    }
+    sketch
+}
+
+/// The sample for its thresholds has a third of the last pass's faces, and rough blocks by chance.
+#[test]
+fn a_last_pass_that_goes_below_its_target_gives_back_and_needs_no_trim() {
+    let goes_below = |seed: u64| {
+        let options = SimplifyOptions { cluster_faces: 20_000, ..ratio(0.5) };
+        let run = simplify_text(&patchwork(330, seed).text(), &options);
+        let (passes, faces) = (&run.report.passes, &run.report.faces);
+        assert!(passes.last().is_some_and(|pass| pass.clusters > 4), "seed {seed}");
+        assert!(faces.output <= faces.target && faces.output + faces.target / 1000 >= faces.target, "{faces:?}");
+        passes.len() == options.passes
+    };
+    assert!((0..8).any(goes_below), "no pass went below its target");
 }
