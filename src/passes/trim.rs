@@ -244,7 +244,7 @@ mod tests {
         let stops = |before: &[u64], after: &[u64], target| {
             give_back(TiSlice::from_ref(before), TiSlice::from_ref(after), target).raw
         };
-        // Two of ten have room for 110 faces of 1,000.
+        // Each has room for six faces.
         let stopped = stops(&[200; 10], &[100; 10], 1011);
         assert_eq!(stopped.iter().filter(|&&stop| stop > 0).count(), 2);
         assert_eq!(stopped.iter().map(|stop| stop.saturating_sub(100)).sum::<u64>(), 11);
