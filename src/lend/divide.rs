@@ -27,9 +27,8 @@ impl LentItem<ClusterId> {
 
     /// Those among some clusters of a partition that other processes can do, by their faces.
     pub fn among(partition: &Partition, clusters: impl IntoIterator<Item = ClusterId>) -> Vec<Self> {
-        let is_loadable = |cluster: &ClusterId| partition.weight(*cluster).is_some();
-        let item = |item| Self { item, size: partition.face_count(item) };
-        clusters.into_iter().filter(is_loadable).map(item).collect()
+        let loadable = clusters.into_iter().filter(|&cluster| partition.is_loadable(cluster));
+        loadable.map(|item| Self { item, size: partition.face_count(item) }).collect()
     }
 }
 

@@ -176,9 +176,9 @@ impl Partition {
         ClusterId::first(self.cluster_count())
     }
 
-    /// Clusters that have faces and can be loaded, ascending: all that other processes can do.
-    pub fn loadable(&self) -> impl Iterator<Item = ClusterId> + '_ {
-        self.clusters().filter(|&cluster| self.face_count(cluster) > 0 && self.weight(cluster).is_some())
+    /// Whether a cluster has faces and is not too heavy to load.
+    pub fn is_loadable(&self, cluster: ClusterId) -> bool {
+        self.face_count(cluster) > 0 && self.weight(cluster).is_some()
     }
 
     /// Number of clusters that have faces.
