@@ -20,18 +20,27 @@ const SPREAD_SHARE: f64 = 0.06;
 pub fn spread_shares(faces: &TiSlice<ClusterId, u64>, target: u64) -> TiVec<ClusterId, u64> {
     let all: u64 = faces.iter().sum();
     let excess = all.saturating_sub(target);
-    let is_enough = |chosen: &Vec<ClusterId>| {
+    let is_enough = |chosen: &[ClusterId]| {
         let of_chosen: u64 = chosen.iter().map(|&cluster| faces[cluster]).sum();
         excess as f64 <= SPREAD_SHARE * of_chosen as f64
     };
-    let count = (excess as f64 / (SPREAD_SHARE * all.max(1) as f64) * faces.len() as f64) as usize;
-    let some = (count.max(1)..faces.len()).map(|count| evenly_spread(faces, count)).find(is_enough);
-    let chosen = some.unwrap_or_else(|| evenly_spread(faces, faces.len()));
+    let chosen = fewest_spread(faces, excess as f64 / (SPREAD_SHARE * all.max(1) as f64), is_enough);
     let of_chosen: Vec<u64> = chosen.iter().map(|&cluster| faces[cluster]).collect();
     let left = of_chosen.iter().sum::<u64>().saturating_sub(excess);
     let mut keep = faces.to_vec();
     chosen.iter().zip(equal_shares(&of_chosen, left)).for_each(|(&cluster, faces)| keep[cluster] = faces);
     keep
+}
+
+/// Returns as few evenly spread clusters as are enough, at least this share of all; all of them if no fewer are.
+fn fewest_spread(
+    faces: &TiSlice<ClusterId, u64>,
+    least: f64,
+    is_enough: impl Fn(&[ClusterId]) -> bool,
+) -> Vec<ClusterId> {
+    let count = (least * faces.len() as f64) as usize;
+    let some = (count.max(1)..faces.len()).map(|count| evenly_spread(faces, count)).find(|chosen| is_enough(chosen));
+    some.unwrap_or_else(|| evenly_spread(faces, faces.len()))
 }
 
 /// Returns the faces that each cluster keeps so that they sum to `target`, or one less; all lose the same share.
@@ -62,13 +71,11 @@ pub fn give_back(
     let lost = |cluster: ClusterId| before[cluster].saturating_sub(after[cluster]);
     let all: u64 = after.iter().sum();
     let missing = target.saturating_sub(all);
-    let is_enough = |chosen: &Vec<ClusterId>| {
+    let is_enough = |chosen: &[ClusterId]| {
         let room = |&cluster: &ClusterId| lost(cluster).min((SPREAD_SHARE * after[cluster] as f64) as u64);
         missing <= chosen.iter().map(room).sum()
     };
-    let count = (missing as f64 / (SPREAD_SHARE * all.max(1) as f64) * after.len() as f64) as usize;
-    let some = (count.max(1)..after.len()).map(|count| evenly_spread(before, count)).find(is_enough);
-    let chosen = some.unwrap_or_else(|| evenly_spread(before, before.len()));
+    let chosen = fewest_spread(before, missing as f64 / (SPREAD_SHARE * all.max(1) as f64), is_enough);
     let way: u64 = chosen.iter().map(|&cluster| lost(cluster)).sum();
     let (mut stretch, mut given) = (0, 0);
     let mut stops: TiVec<ClusterId, u64> = vec![0; before.len()].into();
