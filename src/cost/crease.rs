@@ -50,9 +50,21 @@ impl NormalSums {
 /// Weight of each of the two planes of an edge that turns by 180°, relative to that of a border.
 const STIFFNESS: f64 = 2.0;
 
+/// Share of the full weight above which two faces are close to folded onto each other: the angle between them is below
+/// about 0.5 rad.
+const NEAR_FOLD_SHARE: f64 = 0.78;
+
 /// Adds the planes of all sharp edges to the quadrics of their ends, and clears the sums of normals. `weight` is that
-/// of an open border per squared length.
-pub fn add_creases(vertices: &mut TiSlice<LocalVertex, LocalQuadric>, mesh: &ClusterMesh, rings: &Rings, weight: f64) {
+/// of an open border per squared length. `near_folds` becomes the vertices of faces that are close to folded onto each
+/// other.
+pub fn add_creases(
+    vertices: &mut TiSlice<LocalVertex, LocalQuadric>,
+    mesh: &ClusterMesh,
+    rings: &Rings,
+    weight: f64,
+    near_folds: &mut Vec<LocalVertex>,
+) {
+    near_folds.clear();
     for a in mesh.vertex_ids() {
         if !NormalSums::are_spread(&vertices[a]) {
             continue;
@@ -68,8 +80,13 @@ pub fn add_creases(vertices: &mut TiSlice<LocalVertex, LocalQuadric>, mesh: &Clu
             let third = |corner: Corner| place(mesh.vertex_of(corner));
             // Where more than two faces meet, the flattest turn counts as the continuation of the surface.
             let turns = rings.of(a).iter().filter(leads_back).map(|&other| {
-                let thirds = [third(previous), third(other.next())];
-                crease(place(b), thirds).unwrap_or_default()
+                let thirds = [previous, other.next()];
+                let turn = crease(place(b), thirds.map(third)).unwrap_or_default();
+                if turn.1 > NEAR_FOLD_SHARE {
+                    near_folds.extend([a, b]);
+                    near_folds.extend(thirds.map(|corner| mesh.vertex_of(corner)));
+                }
+                turn
             });
             let Some((uprights, share)) = turns.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|turn| turn.1 > 0.0) else {
                 continue;
@@ -83,6 +100,22 @@ pub fn add_creases(vertices: &mut TiSlice<LocalVertex, LocalQuadric>, mesh: &Clu
         }
     }
     NormalSums::clear(vertices);
+}
+
+/// Vertices of faces that are close to folded onto each other, any number of times each.
+pub fn near_folds(mesh: &ClusterMesh, rings: &Rings) -> Vec<LocalVertex> {
+    let mut found = Vec::new();
+    for corner in mesh.living_faces().flat_map(|face| [0, 1, 2].map(|index| Corner::at(face, index))) {
+        let [a, b, third] = [corner, corner.next(), corner.previous()].map(|corner| mesh.vertex_of(corner));
+        for other in rings.living(mesh, a).filter(|&other| mesh.vertex_of(other.previous()) == b) {
+            let across = mesh.vertex_of(other.next());
+            let [edge, left, right] = [b, third, across].map(|v| mesh.positions[v] - mesh.positions[a]);
+            if crease(edge, [left, right]).is_some_and(|(_, share)| share > NEAR_FOLD_SHARE) {
+                found.extend([a, b, third, across]);
+            }
+        }
+    }
+    found
 }
 
 /// Unit normals of the planes through an edge that starts at the origin, perpendicular to its left and its right face,
@@ -142,11 +175,7 @@ mod tests {
         mesh
     }
 
-    #[test]
-    fn the_rim_of_a_thin_sheet_is_held_and_its_inside_is_not() {
-        let mesh = cushion(1e-3);
-        let mut rings = Rings::default();
-        rings.build(&mesh);
+    fn normal_sums(mesh: &ClusterMesh) -> TiVec<LocalVertex, LocalQuadric> {
         let mut vertices = mesh.per_vertex(LocalQuadric::default());
         for face in mesh.face_ids() {
             let [a, b, c] = mesh.triangle(face);
@@ -155,7 +184,35 @@ mod tests {
                 vertices[vertex].add(&NormalSums::of(across.as_vec3(), across.length() as f32));
             }
         }
-        add_creases(&mut vertices, &mesh, &rings, 1.0);
+        vertices
+    }
+
+    // The rim of a cushion and the vertices across it are close to folds if its two sheets are close.
+    #[test]
+    fn what_is_close_to_a_fold_is_found_alike_with_and_without_sums_of_normals() {
+        for (gap, found) in [(1e-3, true), (0.3, true), (3.0, false)] {
+            let mesh = cushion(gap);
+            let mut rings = Rings::default();
+            rings.build(&mesh);
+            let (mut all, mut beside) = (near_folds(&mesh, &rings), Vec::new());
+            add_creases(&mut normal_sums(&mesh), &mesh, &rings, 1.0, &mut beside);
+            for vertices in [&mut all, &mut beside] {
+                vertices.sort_unstable();
+                vertices.dedup();
+            }
+            assert_eq!(all, beside);
+            assert_eq!(all.contains(&v(2)), found, "{gap}: {all:?}");
+            assert!(!all.contains(&v(12)));
+        }
+    }
+
+    #[test]
+    fn the_rim_of_a_thin_sheet_is_held_and_its_inside_is_not() {
+        let mesh = cushion(1e-3);
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let mut vertices = normal_sums(&mesh);
+        add_creases(&mut vertices, &mesh, &rings, 1.0, &mut Vec::new());
         let inwards = |at: u32| vertices[v(at)].at([0.0, 0.1, 0.0]);
         // Two edges of length 1 meet in vertex 2, each with two planes.
         assert!(inwards(2) > 0.06 && inwards(2) < 0.18, "{}", inwards(2));

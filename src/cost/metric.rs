@@ -2,8 +2,11 @@
 //!
 //! The engine is compiled once for each [`Metric`], so a hook that a metric does not override costs no time.
 
+use std::borrow::Cow;
+
 use glam::{DVec2, DVec3, Vec2};
 
+use super::crease::near_folds;
 use super::mesh_stats::MeshStats;
 use crate::mesh::class::{Class, Classes, Rule};
 use crate::mesh::cluster::ClusterMesh;
@@ -160,6 +163,11 @@ pub trait Metric: Sized {
     #[inline]
     fn inset(&self) -> f64 {
         0.0
+    }
+
+    /// Vertices of faces that are close to folded onto each other. The mesh must be as at the last refresh.
+    fn near_folds(&self, mesh: &ClusterMesh, rings: &Rings) -> Cow<'_, [LocalVertex]> {
+        Cow::Owned(near_folds(mesh, rings))
     }
 
     /// Area of the mesh at the last refresh.

@@ -16,6 +16,8 @@
 //! # Memory
 //! 40 bytes a vertex and, with texture, 36 bytes a wedge.
 
+use std::borrow::Cow;
+
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec3A, Vec4};
 
 use super::crease::{NormalSums, add_creases};
@@ -46,6 +48,7 @@ pub struct SurfaceCost {
     vertices: TiVec<LocalVertex, LocalQuadric>,
     wedges: TiVec<Wedge, LocalWedge>,
     area: f64,
+    near_folds: Vec<LocalVertex>,
 }
 
 impl SurfaceCost {
@@ -96,7 +99,7 @@ impl SurfaceCost {
             of_face.quadratic = planes.quadratic();
             vertices.iter().for_each(|&vertex| self.vertices[vertex].add(&of_face));
         }
-        add_creases(&mut self.vertices, mesh, rings, self.weights.border);
+        add_creases(&mut self.vertices, mesh, rings, self.weights.border, &mut self.near_folds);
         let mut spokes = Vec::new();
         for vertex in mesh.vertex_ids().filter(|&vertex| classes[vertex] != Class::Smooth) {
             self.add_chain_edges(mesh, rings, classes, vertex, &mut spokes);
@@ -346,6 +349,10 @@ impl Metric for SurfaceCost {
 
     fn refresh(&mut self, mesh: &ClusterMesh, rings: &Rings, classes: &Classes) {
         self.refresh(mesh, rings, classes);
+    }
+
+    fn near_folds(&self, _mesh: &ClusterMesh, _rings: &Rings) -> Cow<'_, [LocalVertex]> {
+        Cow::Borrowed(&self.near_folds)
     }
 
     #[inline(always)]

@@ -27,6 +27,8 @@ pub mod flag {
     pub const SHARED: u8 = 2;
     /// The vertex has left its initial position.
     pub const MOVED: u8 = 4;
+    /// The vertex belongs to two faces that are close to folded onto each other.
+    pub const FOLDS: u8 = 8;
 }
 
 /// The smallest `f32` that is not below `value`: bounds on deviations are stored rounded up.
@@ -220,6 +222,12 @@ impl ClusterMesh {
     #[inline]
     pub fn is_shared(&self, vertex: LocalVertex) -> bool {
         self.flags[vertex] & flag::SHARED != 0
+    }
+
+    /// Whether the vertex belongs to two faces that are close to folded onto each other.
+    #[inline]
+    pub fn is_near_fold(&self, vertex: LocalVertex) -> bool {
+        self.flags[vertex] & flag::FOLDS != 0
     }
 
     /// Positions of a face's corners.

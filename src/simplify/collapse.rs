@@ -186,6 +186,7 @@ impl Collapser {
     fn apply(&mut self, mesh: &mut ClusterMesh, rings: &Rings, collapse: Collapse, position: DVec3) -> usize {
         let Collapse { from, to, .. } = collapse;
         self.star.apply(mesh, rings, from, to);
+        mesh.flags[to] |= mesh.flags[from] & flag::FOLDS;
         if !collapse.stays && mesh.positions[to] != position {
             mesh.flags[to] |= flag::MOVED;
             mesh.positions[to] = position;

@@ -25,7 +25,7 @@ use crate::base::id::TiVec;
 use crate::cost::mesh_stats::MeshStats;
 use crate::cost::{Metric, planes};
 use crate::mesh::class::{Class, classify, reclassify, reclassify_all};
-use crate::mesh::cluster::ClusterMesh;
+use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::id::LocalVertex;
 use crate::mesh::orient::{orient, restore};
 use crate::mesh::ring::{Rings, Spoke};
@@ -233,6 +233,10 @@ impl<M: Metric> Engine<M> {
         }
         self.begin_stage();
         self.cost.refresh(&self.mesh, &self.rings, &self.classes);
+        self.mesh.flags.iter_mut().for_each(|flags| *flags &= !flag::FOLDS);
+        for &vertex in self.cost.near_folds(&self.mesh, &self.rings).iter() {
+            self.mesh.flags[vertex] |= flag::FOLDS;
+        }
         self.stage_area = self.cost.area();
         let is_seam =
             |class: &&Class| matches!(class, Class::Seam | Class::Corner | Class::BorderSeam | Class::BorderCorner);

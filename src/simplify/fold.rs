@@ -67,8 +67,8 @@ impl Joined {
 
 impl FoldCheck {
     /// Begins a check. `looks_at_all` is needed if faces become neighbours that were not, or may run along an edge in
-    /// the same direction: such faces have the same normal when they lie on each other. It also finds a face that comes
-    /// onto an unchanged one by less than it takes to turn.
+    /// the same direction: such faces have the same normal when they lie on each other. It is also needed if a moving
+    /// vertex [is near a fold](ClusterMesh::is_near_fold): that fold may close by less than it takes to turn.
     pub fn begin(&mut self, looks_at_all: bool) {
         self.changing.clear();
         self.sum = DVec3::ZERO;

@@ -152,7 +152,7 @@ impl EdgeStar {
         cost: f64,
     ) -> Result<(), Refusal> {
         let is_strict = self.shape_rule == ShapeRule::Strict;
-        self.folds.begin(self.joins);
+        self.folds.begin(self.joins || moving.iter().any(|&vertex| mesh.is_near_fold(vertex)));
         for &vertex in moving {
             for &corner in rings.of(vertex) {
                 let Some(wedge) = mesh.living(corner) else { continue };

@@ -133,7 +133,7 @@ impl Relocator {
         position: DVec3,
     ) -> bool {
         // Faces at non-manifold vertices may run along an edge in the same direction.
-        self.folds.begin(is_complex);
+        self.folds.begin(is_complex || mesh.is_near_fold(vertex));
         for &corner in rings.of(vertex) {
             let (face, k) = (corner.face(), corner.index_in_face());
             let (before, uv_before) = (mesh.triangle(face), mesh.uv_triangle(face));

@@ -379,10 +379,12 @@ proptest! {
         news(&sketch, &choice)?;
     }
 
-    /// But for folds: many of its faces nearly lie on each other, and such a pair may close where a face hardly moves.
+    /// Many of its faces nearly lie on each other. Such a pair may close across a border between clusters, which neither
+    /// of them sees, and in remeshing, whose faces are all new.
     #[test]
     fn a_knot_comes_out_no_worse_than_it_was(sketch in knots(), choice in choices()) {
-        news_but(Some("folded edges"), &sketch, &choice)?;
+        let may_fold = choice.remesh || choice.cluster_faces < 1_000_000;
+        news_but(may_fold.then_some("folded edges"), &sketch, &choice)?;
     }
 
     #[test]

@@ -52,6 +52,22 @@ fn a_weaker_rule_for_shapes_lets_faces_fold_and_the_weakest_lets_them_turn_over(
     assert_eq!(verdicts(DVec3::new(0.5, 0.0, 0.0)), [refused; 3]);
 }
 
+//   4--5         A page of four faces around 0, which hardly turns and lies as the rest of the page does, and a wall
+//   | 0|   3     3-2-1 at the spine 1-2.
+//   1--2 --
+#[test]
+fn a_face_that_closes_slowly_is_seen_if_it_is_close_to_a_fold() {
+    let around = |x: f64, length: f64, angle: f64| DVec3::new(x, length * angle.cos(), length * angle.sin());
+    let page = |angle: f64| around(0.5, 1.0, angle);
+    let places = [page(0.2), DVec3::ZERO, DVec3::X, page(0.0), around(0.0, 2.0, 0.2), around(1.0, 2.0, 0.2)];
+    let (mut mesh, rings) = mesh_of(&places, &[[0, 1, 2], [0, 2, 5], [0, 5, 4], [0, 4, 1], [3, 2, 1]]);
+    let mut star = EdgeStar::default();
+    let mut at = |mesh: &ClusterMesh, angle| star.check_faces(mesh, &rings, &[v(0)], page(angle), &[], 0.0);
+    assert_eq!(at(&mesh, 0.08), Ok(()));
+    mesh.flags[v(0)] |= flag::FOLDS;
+    assert_eq!([0.08, 0.18].map(|angle| at(&mesh, angle)), [Err(Refusal::Fold), Ok(())]);
+}
+
 /// A triangle over the edge from 0 to 1 on the x axis, with its apex at `height`, rotated about the edge by `angle`.
 fn over_edge(height: f64, angle: f64) -> [DVec3; 3] {
     [DVec3::ZERO, DVec3::X, DVec3::new(0.3, height * angle.cos(), height * angle.sin())]
