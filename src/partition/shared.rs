@@ -1,9 +1,11 @@
 //! The set of vertices used by several cells.
 //!
 //! # Memory
-//! 2 bytes per member if few vertices are members, as along the borders of cells; a bit per vertex if many are.
+//! 2 bytes per member if few vertices are members, as along the borders of cells; a bit per vertex if many are. 4 bytes
+//! for 65,536 vertices for the ranks.
 
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use roaring::RoaringBitmap;
 use serde::{Deserialize, Serialize};
@@ -12,18 +14,26 @@ use super::id::PartitionVertex;
 use crate::base::id::numbers;
 use crate::model::id::SharedVertex;
 
+/// Vertices for each of the counts that ranks begin with, as a power of two: as many as in a part of the bitmap.
+const BLOCK_BITS: u32 = 16;
+
 /// A set of vertices that returns the rank of each member.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Shared {
     members: RoaringBitmap,
+    /// Members below each block of vertices; counted at the first rank.
+    #[serde(skip)]
+    before: OnceLock<Vec<u32>>,
 }
 
 impl Shared {
     pub(super) fn insert(&mut self, vertex: PartitionVertex) {
+        self.before.take();
         self.members.insert(vertex.number());
     }
 
     pub(super) fn insert_all(&mut self, vertices: Range<PartitionVertex>) {
+        self.before.take();
         self.members.insert_range(vertices.start.number()..vertices.end.number());
     }
 
@@ -62,7 +72,23 @@ impl Shared {
 
     /// A member by its rank among them: in the next mesh, the members are its shared vertices.
     pub fn rank(&self, vertex: PartitionVertex) -> SharedVertex {
-        SharedVertex::new(vertex.number().checked_sub(1).map_or(0, |below| self.members.rank(below)) as u32)
+        let block = vertex.number() >> BLOCK_BITS;
+        let before = self.before.get_or_init(|| self.count_blocks());
+        let within = self.members.range_cardinality(block << BLOCK_BITS..vertex.number()) as u32;
+        SharedVertex::new(before.get(block as usize).map_or(self.len(), |before| before + within))
+    }
+
+    /// Counts the members below each block, up to the block of the last member.
+    fn count_blocks(&self) -> Vec<u32> {
+        let mut sum = 0;
+        let blocks = 0..self.members.max().map_or(0, |last| (last >> BLOCK_BITS) + 1);
+        let below = blocks.map(|block| {
+            let before = sum;
+            let first = block << BLOCK_BITS;
+            sum += self.members.range_cardinality(first..=first | ((1 << BLOCK_BITS) - 1)) as u32;
+            before
+        });
+        below.collect()
     }
 }
 
@@ -84,6 +110,8 @@ mod tests {
             assert_eq!(rank(&shared, number), place);
         }
         assert_eq!((rank(&shared, 65), shared.len()), (4, 9));
+        assert_eq!((rank(&shared, 1 << 18), rank(&shared, u32::MAX)), (8, 9));
+        assert_eq!((rank(&Shared::default(), 7), rank(&Shared::default(), 1 << 20)), (0, 0));
         shared.insert_all(vertex(60)..vertex(70));
         assert_eq!((rank(&shared, 700), shared.len()), (12, 17));
         let all = [0, 3].into_iter().chain(60..70).chain([700, 4096, 4999, 1 << 17, u32::MAX - 1]);
