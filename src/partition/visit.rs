@@ -2,8 +2,8 @@
 
 use super::cluster::{self, ClusterSource};
 use super::{Partition, TextureScale, heavy};
-use crate::base::ordered::map_in_order;
-use crate::base::{Permits, Progress, Result, WorkLimits};
+use crate::base::ordered::map_within;
+use crate::base::{Progress, Result, WorkLimits};
 use crate::model::{Catalogue, StoredMesh};
 
 /// How clusters are visited.
@@ -30,21 +30,19 @@ pub fn visit<T: Send>(
     work: impl Fn(&ClusterSource) -> Result<T> + Sync,
     mut take: impl FnMut(T) -> Result<()>,
 ) -> Result<()> {
-    let VisitOptions { limits: WorkLimits { threads, work_bytes }, face_bytes, progress } = *options;
+    let VisitOptions { limits: WorkLimits { work_bytes, .. }, face_bytes, progress } = *options;
     let scale = TextureScale::none(catalogue);
-    let permits = Permits::new(work_bytes);
     let advance = |faces: u64| {
         progress.advance(faces);
         progress.check_stopped()
     };
-    map_in_order(
+    map_within(
+        work_bytes,
+        |&cluster| partition.face_count(cluster) * face_bytes,
         partition.clusters().filter(|&cluster| partition.weight(cluster).is_some()),
-        threads,
-        threads + 1,
         |cluster| {
-            let faces = partition.face_count(cluster);
-            let _permit = permits.take(faces * face_bytes);
-            Ok((faces, work(&cluster::load(partition, mesh, catalogue, &scale, cluster)?)?))
+            let made = work(&cluster::load(partition, mesh, catalogue, &scale, cluster)?)?;
+            Ok((partition.face_count(cluster), made))
         },
         |(faces, made)| {
             advance(faces)?;
