@@ -21,12 +21,13 @@ use crate::base::id::{TiSlice, TiVec};
 use crate::base::pool::{check_stopped, in_parallel};
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::triangle::has_no_area;
+use crate::mesh::forest::DisjointSets;
 use crate::mesh::id::{Corner, FaceId};
+use crate::model::face::repeats_vertex;
 use crate::model::id::MeshVertex;
 use crate::topology::atlas::UvCounts;
 use crate::topology::count;
-use crate::topology::edges::{EdgeTable, repeats_vertex};
-use crate::topology::forest::DisjointSets;
+use crate::topology::edges::EdgeTable;
 
 /// Distance within which a boundary vertex lies on a boundary edge, as a share of the bounding box's diagonal.
 pub const T_JUNCTION_TOLERANCE: f64 = 1e-6;
@@ -101,7 +102,7 @@ pub fn check(surface: &Surface) -> Result<Check> {
     check_stopped()?;
 
     let largest = bounds.low.abs().max(bounds.high.abs()).max_element();
-    let sound = || surface.faces.iter().filter(|face| !repeats_vertex(face));
+    let sound = || surface.faces.iter().filter(|face| !repeats_vertex(**face));
     let flat = sound().filter(|face| has_no_area(face.map(|vertex| surface.positions[vertex]), largest));
     let topology = counts.topology;
     Ok(Check {
@@ -152,7 +153,7 @@ fn count_non_manifold_vertices(surface: &Surface, edges: &EdgeTable<MeshVertex>)
         }
     }
     let mut fans_at: TiVec<MeshVertex, u8> = vec![0; surface.positions.len()].into();
-    for (face, vertices) in faces.iter_enumerated().filter(|(_, vertices)| !repeats_vertex(vertices)) {
+    for (face, vertices) in faces.iter_enumerated().filter(|(_, vertices)| !repeats_vertex(**vertices)) {
         for (_, &vertex) in vertices.iter().enumerate().filter(|&(at, _)| fans.is_root(Corner::at(face, at))) {
             fans_at[vertex] = fans_at[vertex].saturating_add(1);
         }

@@ -10,11 +10,11 @@ use crate::file::PackedColumn;
 use crate::file::packed::Coordinates;
 use crate::geometry::position_key;
 use crate::mesh::id::FaceId;
+use crate::model::face::repeats_vertex;
 use crate::model::id::{MaterialId, MeshVertex, Texcoord};
 use crate::model::{Catalogue, Mesh, StoredMesh};
 use crate::partition::reading::triangulate_polygons;
 use crate::topology::cell::{Countable, shown_key};
-use crate::topology::edges::repeats_vertex;
 
 /// Records read at once.
 const WINDOW_RECORDS: u64 = 1 << 20;
@@ -103,7 +103,7 @@ impl Surface {
         welded.face_materials.raw.reserve_exact(self.faces.len());
         for (face, vertices) in self.faces.iter_enumerated() {
             let vertices = vertices.map(|v| new_ids[v]);
-            if !repeats_vertex(&vertices) {
+            if !repeats_vertex(vertices) {
                 welded.faces.push(vertices);
                 welded.face_texcoords.push(self.face_texcoords[face]);
                 welded.face_materials.push(self.face_materials[face]);

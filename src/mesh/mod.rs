@@ -11,6 +11,7 @@ pub mod seam_density;
 pub mod doubles;
 pub mod edge;
 pub mod fold;
+pub mod forest;
 pub mod id;
 pub mod orient;
 pub mod pieces;

@@ -5,24 +5,22 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 use super::cluster::ClusterMesh;
+use super::forest::DisjointSets;
 use super::id::{FaceId, LocalVertex};
-use crate::base::id::{TiSlice, TiVec};
 
 /// Removes connected components (faces connected through vertices) whose bounding box has a diagonal below `diagonal`,
 /// in units of length. Removes the smallest first, and at most `faces_max` faces in total. A component that another
 /// cluster shares stays. Returns the number of components and of faces removed.
 pub fn drop_small(mesh: &mut ClusterMesh, diagonal: f64, faces_max: u64) -> (u64, u64) {
-    let mut parents: TiVec<LocalVertex, LocalVertex> = mesh.vertex_ids().collect();
-    for vertices in &mesh.corner_vertices {
-        for pair in [[vertices[0], vertices[1]], [vertices[1], vertices[2]]] {
-            let [a, b] = pair.map(|v| root(&mut parents, v));
-            parents[a.max(b)] = a.min(b);
-        }
+    let mut sets = DisjointSets::<LocalVertex>::new(mesh.positions.len());
+    for &[a, b, c] in &mesh.corner_vertices {
+        sets.join(a, b);
+        sets.join(b, c);
     }
     let mut boxes = mesh.per_vertex((DVec3::INFINITY, DVec3::NEG_INFINITY));
     let mut is_shared = mesh.per_vertex(false);
     for (v, &position) in mesh.positions.iter_enumerated() {
-        let piece = root(&mut parents, v);
+        let piece = sets.root(v);
         let (low, high) = boxes[piece];
         boxes[piece] = (low.min(position), high.max(position));
         is_shared[piece] |= mesh.is_shared(v);
@@ -30,7 +28,7 @@ pub fn drop_small(mesh: &mut ClusterMesh, diagonal: f64, faces_max: u64) -> (u64
     let size_of = |piece: LocalVertex| boxes[piece].0.distance(boxes[piece].1);
     let mut pieces = BTreeMap::<LocalVertex, Vec<FaceId>>::new();
     for face in mesh.face_ids() {
-        let piece = root(&mut parents, mesh.vertices(face)[0]);
+        let piece = sets.root(mesh.vertices(face)[0]);
         if !is_shared[piece] && size_of(piece) < diagonal {
             pieces.entry(piece).or_default().push(face);
         }
@@ -48,15 +46,6 @@ pub fn drop_small(mesh: &mut ClusterMesh, diagonal: f64, faces_max: u64) -> (u64
     }
     mesh.compact_faces();
     (dropped, faces_dropped)
-}
-
-fn root(parents: &mut TiSlice<LocalVertex, LocalVertex>, mut vertex: LocalVertex) -> LocalVertex {
-    while parents[vertex] != vertex {
-        let above = parents[parents[vertex]];
-        parents[vertex] = above;
-        vertex = above;
-    }
-    vertex
 }
 
 #[cfg(test)]

@@ -23,9 +23,10 @@ use serde::{Deserialize, Serialize};
 
 use super::chosen_cells::{CHOSEN_FACES, CellGrid, ChosenCells, GridPosition};
 use super::face_weights::{FaceWeights, finite};
-use super::random_points::{area_of, point_on};
+use super::random_points::point_on;
 use crate::base::chance::{mixed, unit};
 use crate::base::id::{TiVec, ids};
+use crate::geometry::triangle::area;
 use crate::job::Recalled;
 use crate::mesh::ClusterMesh;
 use crate::mesh::id::{FaceId, LocalVertex};
@@ -198,8 +199,8 @@ impl Probing {
             }
         }
         let left = self.target as f64 / self.faces.max(1) as f64;
-        let area = face_weights.weigh(mesh, left);
-        let count = if area > 0.0 { (self.points as f64 * share).ceil() as usize } else { 0 };
+        let surface_area = face_weights.weigh(mesh, left);
+        let count = if surface_area > 0.0 { (self.points as f64 * share).ceil() as usize } else { 0 };
         let mut hash = mixed(u64::from(cluster.number()));
         let (mut points, mut weights) = (Vec::with_capacity(count), Vec::with_capacity(count));
         let ends = &face_weights.ends;
@@ -211,12 +212,12 @@ impl Probing {
             let chance = ends[face] - if face > 0 { ends[face - 1] } else { 0.0 };
             let triangle = mesh.triangle(FaceId::from(face));
             points.push(point_on(triangle.map(|corner| origin + corner), &mut hash));
-            weights.push(finite(area_of(triangle)) / chance.max(f64::MIN_POSITIVE) * all / count as f64);
+            weights.push(finite(area(triangle)) / chance.max(f64::MIN_POSITIVE) * all / count as f64);
         }
         SCRATCH.set(scratch);
         crowded.sort_unstable();
         crowded.dedup();
-        Probes { probing: *self, points, weights, areas: vec![area], triangles, crowded, vertices }
+        Probes { probing: *self, points, weights, areas: vec![surface_area], triangles, crowded, vertices }
     }
 }
 

@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use crate::base::chance::{mixed, place_on_triangle, unit};
+use crate::geometry::triangle::area;
 
 /// Random points on a sequence of triangles at a fixed density.
 #[derive(Debug)]
@@ -35,7 +36,7 @@ impl RandomPoints {
 
     /// Number of points on the next triangle.
     fn due(&mut self, triangle: [DVec3; 3]) -> u64 {
-        let due = area_of(triangle) / self.spacing;
+        let due = area(triangle) / self.spacing;
         self.owed += if due.is_finite() { due } else { 0.0 };
         let whole = (self.owed as u64).min(self.left);
         self.owed -= whole as f64;
@@ -52,11 +53,6 @@ pub(super) fn point_on([a, b, c]: [DVec3; 3], hash: &mut u64) -> DVec3 {
     });
     let [of_a, of_b, of_c] = place_on_triangle(across, along);
     a * of_a + b * of_b + c * of_c
-}
-
-/// Area of a triangle.
-pub(super) fn area_of([a, b, c]: [DVec3; 3]) -> f64 {
-    0.5 * (b - a).cross(c - a).length()
 }
 
 #[cfg(test)]

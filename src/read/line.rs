@@ -7,6 +7,8 @@ use std::borrow::Cow;
 
 use memchr::memchr2;
 
+use crate::base::error::escape;
+
 /// One logical line.
 #[derive(Debug)]
 pub struct LogicalLine<'a> {
@@ -66,6 +68,15 @@ pub fn count_line_ends(text: &[u8]) -> u64 {
         at = next;
     }
     count
+}
+
+/// Bytes of a word that a message shows.
+const QUOTED_MAX: usize = 40;
+
+/// Formats a word of the input for a message: escaped and shortened.
+pub fn quote(word: &[u8]) -> String {
+    let cut = &word[..word.len().min(QUOTED_MAX)];
+    escape(cut) + if cut.len() < word.len() { "…" } else { "" }
 }
 
 /// Reports whether a byte separates words: blank, tab, vertical tab or form feed.

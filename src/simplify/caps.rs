@@ -8,8 +8,7 @@
 //! A cap has no counterpart in the input. Its cost is the distance of its points from the rim: area × squared height.
 
 use super::rips::FACES_MAX;
-use super::witness::area_of;
-use crate::geometry::triangle::is_line;
+use crate::geometry::triangle::{area, is_line};
 use crate::mesh::class::{Class, Classes};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::{Corner, LocalVertex, Wedge};
@@ -222,7 +221,7 @@ impl Hole {
         let price = |ear: [usize; 3]| {
             let corners = ear.map(place);
             let longest_sq = (0..3).map(|k| corners[k].distance_squared(corners[(k + 1) % 3])).fold(0.0, f64::max);
-            let area = area_of(corners);
+            let area = area(corners);
             // Height² = (2 area)² / longest².
             MEAN_SQ * 4.0 * area * area * area / longest_sq.max(f64::MIN_POSITIVE)
         };

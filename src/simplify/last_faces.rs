@@ -7,7 +7,7 @@ use std::collections::HashMap;
 
 use foldhash::fast::FixedState;
 
-use super::witness::area_of;
+use crate::geometry::triangle::area;
 use crate::mesh::{ClusterMesh, FaceId};
 use crate::model::id::PartId;
 
@@ -46,7 +46,7 @@ impl LastFaces {
             for parts in mesh.parts.raw.chunk_by(|a, b| a == b) {
                 let holding = self.parts.entry(parts[0]).or_default();
                 for face in faces.by_ref().take(parts.len()) {
-                    let area = area_of(mesh.triangle(face));
+                    let area = area(mesh.triangle(face));
                     holding.area += area;
                     self.area += area;
                 }

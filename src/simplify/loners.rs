@@ -8,9 +8,8 @@ use glam::DVec3;
 
 use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::geometry::distance_sq;
+use crate::geometry::triangle::area;
 use crate::mesh::{ClusterMesh, FaceId, LocalVertex};
-
-use super::witness::area_of;
 
 /// Factor on area × squared distance. It is high because the face stands for its whole component, and the surface near
 /// it may vanish, too.
@@ -81,7 +80,7 @@ struct PricedFace {
 
 /// Prices one of some isolated faces, which are sorted; `None` if no other face stays longer.
 fn price_face(mesh: &ClusterMesh, tree: &BoxTree, loners: &[FaceId], face: FaceId) -> Option<PricedFace> {
-    let size_of = |face: FaceId| (area_of(mesh.triangle(face)), face);
+    let size_of = |face: FaceId| (area(mesh.triangle(face)), face);
     let stays_longer = |other: FaceId| loners.binary_search(&other).is_err() || size_of(other) > size_of(face);
     let triangle = mesh.triangle(face);
     let middle = triangle.into_iter().sum::<DVec3>() / 3.0;
@@ -100,7 +99,7 @@ fn price_face(mesh: &ClusterMesh, tree: &BoxTree, loners: &[FaceId], face: FaceI
         away_sq
     });
     let (away_sq, other) = nearest;
-    let price = (PRICE * area_of(triangle) * away_sq) as f32;
+    let price = (PRICE * area(triangle) * away_sq) as f32;
     price.is_finite().then(|| PricedFace { price, neighbour: mesh.vertices(other)[0] })
 }
 

@@ -11,6 +11,7 @@
 use glam::DVec3;
 
 use crate::geometry::distance_sq;
+use crate::geometry::triangle::area;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
@@ -76,12 +77,7 @@ impl Witnesses {
 
 /// Area of the faces around a vertex.
 pub(super) fn area_around(mesh: &ClusterMesh, rings: &Rings, vertex: LocalVertex) -> f64 {
-    rings.faces(mesh, vertex).map(|face| area_of(mesh.triangle(face))).sum()
-}
-
-/// Area of a triangle.
-pub(super) fn area_of([a, b, c]: [DVec3; 3]) -> f64 {
-    0.5 * (b - a).cross(c - a).length()
+    rings.faces(mesh, vertex).map(|face| area(mesh.triangle(face))).sum()
 }
 
 #[cfg(test)]

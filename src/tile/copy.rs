@@ -16,9 +16,9 @@ use crate::bake::{AtlasCanvas, Original, Painted, PaintedImage, TexelSource};
 use crate::base::Result;
 use crate::base::id::TiVec;
 use crate::image::stored::{Beyond, TexelReader};
+use crate::mesh::forest::DisjointSets;
 use crate::mesh::id::FaceId;
 use crate::model::id::ImageId;
-use crate::topology::forest::DisjointSets;
 use crate::unwrap::{FlatChart, GUTTER, Unwrapped, pack, room};
 
 /// Side of a block of one colour in texels.

@@ -17,13 +17,14 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::atlas::Chart;
 use super::counts::{AtVertex, EdgeSide, Joint, MeshCounts};
-use super::edges::{EdgeTable, HalfEdge, repeats_vertex};
-use super::forest::DisjointSets;
+use super::edges::{EdgeTable, HalfEdge};
 use super::id::{OpenBorder, OpenChart, OpenComponent};
 use crate::base::id::{Id, TiSlice, TiVec};
 use crate::geometry::triangle::regularity;
 use crate::mesh::fold::across;
+use crate::mesh::forest::DisjointSets;
 use crate::mesh::id::FaceId;
+use crate::model::face::repeats_vertex;
 use crate::model::id::MaterialId;
 
 /// A mesh, or a part of one, as it is counted. Faces that repeat a vertex are left out.
@@ -216,6 +217,6 @@ fn count_charts<C: Countable>(
 }
 
 fn sound_faces<C: Countable>(cell: &C) -> impl Iterator<Item = (FaceId, [C::Vertex; 3])> {
-    let faces = cell.faces().iter_enumerated().filter(|(_, vertices)| !repeats_vertex(vertices));
+    let faces = cell.faces().iter_enumerated().filter(|(_, vertices)| !repeats_vertex(**vertices));
     faces.map(|(face, &vertices)| (face, vertices))
 }

@@ -16,6 +16,7 @@ use rayon::prelude::*;
 use crate::base::id::{Id, TiSlice};
 use crate::base::pool::in_parallel;
 use crate::mesh::id::FaceId;
+use crate::model::face::repeats_vertex;
 
 /// A side of a face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,11 +64,6 @@ impl<V: Id> HalfEdge<V> {
     }
 }
 
-/// Whether a face repeats a vertex; such a face has no edges here.
-pub fn repeats_vertex<V: PartialEq>([a, b, c]: &[V; 3]) -> bool {
-    a == b || b == c || c == a
-}
-
 /// All half-edges of a mesh, grouped by edge.
 #[derive(Debug)]
 pub struct EdgeTable<V> {
@@ -109,7 +105,7 @@ impl<V: Id> EdgeTable<V> {
 fn half_edges<V: Id>(faces: &TiSlice<FaceId, [V; 3]>) -> Vec<HalfEdge<V>> {
     assert!(faces.len() < u32::MAX as usize / 3, "more than 2^32 / 3 faces cannot be measured in memory");
     let mut half_edges = Vec::with_capacity(faces.len() * 3);
-    for (face, vertices) in faces.iter_enumerated().filter(|(_, vertices)| !repeats_vertex(vertices)) {
+    for (face, vertices) in faces.iter_enumerated().filter(|(_, vertices)| !repeats_vertex(**vertices)) {
         for corner in 0..3 {
             let (from, to) = (vertices[corner], vertices[(corner + 1) % 3]);
             half_edges.push(HalfEdge { ends: [from.min(to), from.max(to)], corner: face.number() * 3 + corner as u32 });

@@ -14,7 +14,6 @@ pub mod cell;
 pub mod cluster;
 pub mod counts;
 pub mod edges;
-pub mod forest;
 pub mod id;
 pub mod seam_edge;
 pub mod shared;

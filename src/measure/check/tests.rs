@@ -149,7 +149,7 @@ fn only_what_is_worse_is_new() {
 
 /// Counts by looking at everything for everything.
 fn brute_force(faces: &[[u32; 3]]) -> Check {
-    let faces: Vec<_> = faces.iter().copied().filter(|face| !repeats_vertex(face)).collect();
+    let faces: Vec<_> = faces.iter().copied().filter(|face| !repeats_vertex(*face)).collect();
     let sides = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]];
     let undirected = |[a, b]: [u32; 2]| [a.min(b), a.max(b)];
     let vertices: BTreeSet<u32> = faces.iter().flatten().copied().collect();

@@ -12,11 +12,10 @@ use glam::{DVec2, DVec3};
 use memchr::memchr;
 
 use super::parsed::{Library, LineError, Numbered, ParsedChunk};
-use crate::base::error::escape;
 use crate::model::face::POLYGON_CORNERS_MAX;
 use crate::model::id::{PieceTexcoord, PieceVertex};
 use crate::model::stored_mesh::ID_LIMIT;
-use crate::read::line::{LogicalLine, logical_line, split_keyword, trim, words};
+use crate::read::line::{LogicalLine, logical_line, quote, split_keyword, trim, words};
 use crate::read::number::{COORDINATE_MAX, Index, Number, index_at, is_non_finite_word, number};
 use crate::read::records::{ChunkCorner, LabelKind};
 
@@ -415,9 +414,4 @@ fn is_display_attribute(keyword: &[u8]) -> bool {
         "usemap",
     ];
     ATTRIBUTES.iter().any(|word| word.as_bytes() == keyword)
-}
-
-fn quote(word: &[u8]) -> String {
-    let cut = &word[..word.len().min(40)];
-    escape(cut) + if cut.len() < word.len() { "…" } else { "" }
 }

@@ -2,9 +2,9 @@
 //!
 //! In: whole records of an element. Out: numbers, or a message about the first that is not one.
 
-use super::header::{Scalar, quote};
+use super::header::Scalar;
 use crate::file::float::shortest;
-use crate::read::line::{is_blank, line_end};
+use crate::read::line::{is_blank, line_end, quote};
 use crate::read::number::{index_at, is_non_finite_word, number, raise_decimals};
 
 /// What was expected and what was found.

@@ -21,7 +21,7 @@ use std::path::Path;
 
 use crate::base::error::escape;
 use crate::base::{Error, Result};
-use crate::read::line::{split_keyword, trim, words};
+use crate::read::line::{quote, split_keyword, trim, words};
 
 /// Longest accepted header in bytes.
 pub(super) const HEADER_BYTES_MAX: usize = 256 << 10;
@@ -303,12 +303,6 @@ impl HeaderParser {
         element.properties.push(property);
         Ok(())
     }
-}
-
-/// Quotes text of the file, shortened.
-pub(super) fn quote(word: &[u8]) -> String {
-    let cut = &word[..word.len().min(40)];
-    escape(cut) + if cut.len() < word.len() { "…" } else { "" }
 }
 
 #[cfg(test)]

@@ -7,9 +7,10 @@
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-use super::header::{Element, PlyHeader, Property, Scalar, quote};
+use super::header::{Element, PlyHeader, Property, Scalar};
 use crate::base::{Error, Result};
 use crate::model::texture_file::base_name;
+use crate::read::line::quote;
 
 /// A step in reading a record.
 #[derive(Debug, Clone, Copy)]

@@ -5,6 +5,7 @@ use std::cmp::Reverse;
 use super::{Engine, ROUND_SHARE};
 use crate::base::cache::prefetch;
 use crate::cost::Metric;
+use crate::geometry::triangle::area;
 use crate::mesh::class::Class;
 use crate::mesh::id::{Edge, LocalVertex};
 use crate::simplify::collapse::Collapse;
@@ -13,7 +14,6 @@ use crate::simplify::proposal::{Bid, Proposal};
 use crate::simplify::retreat::cost_with_retreat;
 use crate::simplify::shape_rule::ShapeRule;
 use crate::simplify::stage::{LoggedCollapse, StageResult, Stop};
-use crate::simplify::witness::area_of;
 
 /// Candidates tried for each collapse that a round aims at, because neighbours block each other.
 const TRIES_PER_COLLAPSE: f64 = 2.0;
@@ -160,7 +160,7 @@ impl<M: Metric> Engine<M> {
             return false;
         }
         let inset = self.inset(to, chain);
-        let area = if fan.is_alone { area_of(self.mesh.triangle(self.rings.of(from)[0].face())) } else { 0.0 };
+        let area = if fan.is_alone { area(self.mesh.triangle(self.rings.of(from)[0].face())) } else { 0.0 };
         // NOTE: the papers' metrics have no check against faces that span empty space; an infinite price disables it.
         let price = if M::ENDPOINTS { f64::from(cost) } else { f64::INFINITY };
         let (Stop::Faces(target) | Stop::Cost(_, target)) = stop;
