@@ -3,6 +3,9 @@
 //! In: the surface of a level. Out: the nodes that become its tiles. Invariant: a tile of a level is a tile of the next
 //! coarser one, or lies inside of one.
 
+use std::collections::HashMap;
+
+use foldhash::fast::FixedState;
 use serde::{Deserialize, Serialize};
 
 use super::clip::{ClipCorner, ClipEdge, Clipper, TakeParts};
@@ -54,7 +57,7 @@ pub fn count(
 ) -> Result<TiVec<TileId, NodeCount>> {
     let mut counts: TiVec<TileId, NodeCount> = vec![NodeCount::default(); tree.nodes.len()].into();
     let count_cell = |cell: usize| {
-        let mut counter = NodeCounter { counts: vec![NodeCount::default(); tree.nodes.len()].into(), density: 0.0 };
+        let mut counter = NodeCounter { counts: HashMap::default(), density: 0.0 };
         let mut clipper = Clipper::new(tree);
         level.each(cell, |triangle| {
             counter.density = triangle.density;
@@ -64,14 +67,15 @@ pub fn count(
     };
     let cells = 0..level.surface.cells.len();
     map_in_order(cells, limits.threads, limits.threads + 1, count_cell, |own| {
-        counts.iter_mut().zip(own).for_each(|(sum, own)| sum.add(own));
+        own.into_iter().for_each(|(node, own)| counts[node].add(own));
         progress.check_stopped()
     })?;
     Ok(counts)
 }
 
 struct NodeCounter {
-    counts: TiVec<TileId, NodeCount>,
+    /// Of the nodes that the cell reaches: few of all.
+    counts: HashMap<TileId, NodeCount, FixedState>,
     /// Texels on a unit of the triangle's area.
     density: f64,
 }
@@ -80,7 +84,7 @@ impl TakeParts for NodeCounter {
     fn part(&mut self, node: TileId, polygon: &[ClipCorner]) -> bool {
         let first = polygon[0].position;
         let areas = polygon[1..].windows(2).map(|side| area([first, side[0].position, side[1].position]));
-        self.counts[node].add(NodeCount {
+        self.counts.entry(node).or_default().add(NodeCount {
             faces: polygon.len() as u64 - 2,
             border_edges: polygon.iter().filter(|corner| corner.edge != ClipEdge::Own).count() as u64,
             texels: areas.sum::<f64>() * self.density,
