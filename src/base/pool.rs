@@ -7,6 +7,7 @@
 //! themselves ([`ordered`](super::ordered)), once an item is committed; long work on one item looks in between.
 
 use std::cell::RefCell;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
@@ -19,6 +20,8 @@ use super::{Error, Progress, Result};
 
 /// Time between two looks at whether a job is to stop.
 const LOOK_INTERVAL: Duration = Duration::from_millis(50);
+/// Items that a loop does between two such looks: some milliseconds of work.
+pub const BLOCK_ITEMS: usize = 1 << 16;
 
 thread_local! {
     /// The pool that this thread has entered.
@@ -149,6 +152,17 @@ pub fn check_stopped() -> Result<()> {
         Some(true) => Err(Error::Stopped),
         _ => Ok(()),
     }
+}
+
+/// The ranges of [`BLOCK_ITEMS`] that cover `0..count`, for a loop over many items that looks once a block.
+///
+/// # Errors
+/// [`Error::Stopped`] in place of the next range, if the job of this thread is to stop.
+pub fn blocks_until_stopped(count: usize) -> impl Iterator<Item = Result<Range<usize>>> {
+    (0..count).step_by(BLOCK_ITEMS).map(move |start| {
+        check_stopped()?;
+        Ok(start..count.min(start + BLOCK_ITEMS))
+    })
 }
 
 /// What holds for the pool that this thread has entered, or else for the one that it belongs to.

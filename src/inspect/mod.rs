@@ -276,7 +276,7 @@ impl Counting<'_> {
                 let _permit = permits.take(self.partition.face_count(cluster) * FACE_BYTES);
                 let source = cluster::load(self.partition, self.mesh, self.catalogue, &scale, cluster)?;
                 let doubled = doubles(source.mesh.corner_vertices.iter().copied()).len() as u64;
-                Ok((count_cluster(&source, self.catalogue, &images), doubled, self.partition.face_count(cluster)))
+                Ok((count_cluster(&source, self.catalogue, &images)?, doubled, self.partition.face_count(cluster)))
             },
             |(cluster, doubles, faces)| {
                 doubled += doubles;

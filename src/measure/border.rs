@@ -40,7 +40,7 @@ pub struct BorderDeviation {
 
 /// The edges of a surface that have one face.
 pub fn border_of(surface: &Surface) -> Vec<[DVec3; 2]> {
-    let edges = EdgeTable::of_whole(&surface.faces).boundary();
+    let edges = EdgeTable::new(&surface.faces).boundary();
     edges.into_iter().map(|edge| edge.map(|vertex| surface.positions[vertex])).collect()
 }
 

@@ -18,7 +18,7 @@ use super::surface::Surface;
 use super::tjunction::count_t_junctions;
 use crate::base::Result;
 use crate::base::id::{TiSlice, TiVec};
-use crate::base::pool::{check_stopped, in_parallel};
+use crate::base::pool::{blocks_until_stopped, check_stopped, in_parallel};
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::triangle::has_no_area;
 use crate::mesh::forest::DisjointSets;
@@ -87,31 +87,34 @@ pub struct Check {
 /// # Panics
 /// If a face refers to a vertex or a texture coordinate that does not exist, or with more than 2³² / 3 faces.
 pub fn check(surface: &Surface) -> Result<Check> {
-    let edges = EdgeTable::of_whole(&surface.faces);
-    check_stopped()?;
-    let counted = count(surface, &edges, |_, _| {});
+    let edges = EdgeTable::of_whole(&surface.faces)?;
+    let counted = count(surface, &edges, |_, _| {})?;
     let counts = counted.counts.finished();
     let used = surface.positions.iter().zip(&counted.vertices).filter(|(_, at)| at.is_used());
     let bounds = Bounds::around(used.map(|(&position, _)| position));
     drop(counted);
     check_stopped()?;
     let boundary = edges.boundary();
-    let non_manifold_vertices = count_non_manifold_vertices(surface, &edges);
-    let single_faces = count_single_faces(&surface.faces, &edges);
+    let non_manifold_vertices = count_non_manifold_vertices(surface, &edges)?;
+    let single_faces = count_single_faces(&surface.faces, &edges)?;
     drop(edges);
     check_stopped()?;
 
     let largest = bounds.low.abs().max(bounds.high.abs()).max_element();
-    let sound = || surface.faces.iter().filter(|face| !repeats_vertex(**face));
-    let flat = sound().filter(|face| has_no_area(face.map(|vertex| surface.positions[vertex]), largest));
+    let mut zero_area_faces = 0;
+    for block in blocks_until_stopped(surface.faces.len()) {
+        let sound = surface.faces.raw[block?].iter().filter(|face| !repeats_vertex(**face));
+        let flat = sound.filter(|face| has_no_area(face.map(|vertex| surface.positions[vertex]), largest));
+        zero_area_faces += flat.count() as u64;
+    }
     let topology = counts.topology;
     Ok(Check {
         vertices: topology.vertices,
         faces: topology.faces,
         unused_vertices: surface.positions.len() as u64 - topology.vertices,
         degenerate_faces: surface.faces.len() as u64 - topology.faces,
-        zero_area_faces: flat.count() as u64,
-        duplicate_faces: count_duplicates(sound().copied().collect()),
+        zero_area_faces,
+        duplicate_faces: count_duplicates(&surface.faces)?,
         boundary_edges: topology.boundary_edges,
         boundary_loops: topology.boundary_loops,
         single_faces,
@@ -121,7 +124,7 @@ pub fn check(surface: &Surface) -> Result<Check> {
         non_manifold_vertices,
         components: topology.components,
         euler: topology.euler,
-        t_junctions: count_t_junctions(&surface.positions, &boundary, T_JUNCTION_TOLERANCE * bounds.diagonal()),
+        t_junctions: count_t_junctions(&surface.positions, &boundary, T_JUNCTION_TOLERANCE * bounds.diagonal())?,
         uv: counts.uv,
         charts: topology.charts,
         seam_edges: topology.seam_edges,
@@ -136,44 +139,60 @@ pub fn check(surface: &Surface) -> Result<Check> {
 /// # Panics
 /// As [`check`].
 pub fn weld_and_check(surface: &Surface) -> Result<Check> {
-    let welded = surface.welded();
-    check_stopped()?;
+    let welded = surface.welded()?;
     let dropped = surface.faces.len() - welded.faces.len();
     Ok(Check { degenerate_faces: dropped as u64, ..check(&welded)? })
 }
 
 /// Vertices whose faces are not all connected over edges at the vertex.
-fn count_non_manifold_vertices(surface: &Surface, edges: &EdgeTable<MeshVertex>) -> u64 {
+fn count_non_manifold_vertices(surface: &Surface, edges: &EdgeTable<MeshVertex>) -> Result<u64> {
     let faces = &surface.faces;
     let mut fans = DisjointSets::new(faces.len() * 3);
-    for edge in edges.iter() {
+    edges.try_for_each(|edge| {
         let at_ends = |at: usize| edge[at].corners(faces).map(|corner| Corner::at(edge[at].face(), corner));
         for other in 1..edge.len() {
             at_ends(0).into_iter().zip(at_ends(other)).for_each(|(a, b)| fans.join(a, b));
         }
-    }
+    })?;
     let mut fans_at: TiVec<MeshVertex, u8> = vec![0; surface.positions.len()].into();
-    for (face, vertices) in faces.iter_enumerated().filter(|(_, vertices)| !repeats_vertex(**vertices)) {
-        for (_, &vertex) in vertices.iter().enumerate().filter(|&(at, _)| fans.is_root(Corner::at(face, at))) {
-            fans_at[vertex] = fans_at[vertex].saturating_add(1);
+    for block in blocks_until_stopped(faces.len()) {
+        let numbered = block?.map(|face| (FaceId::from(face), &faces.raw[face]));
+        for (face, vertices) in numbered.filter(|(_, vertices)| !repeats_vertex(**vertices)) {
+            for (_, &vertex) in vertices.iter().enumerate().filter(|&(at, _)| fans.is_root(Corner::at(face, at))) {
+                fans_at[vertex] = fans_at[vertex].saturating_add(1);
+            }
         }
     }
-    fans_at.iter().filter(|&&fans| fans > 1).count() as u64
+    Ok(fans_at.iter().filter(|&&fans| fans > 1).count() as u64)
 }
 
 /// Faces without neighbours.
-fn count_single_faces(faces: &TiSlice<FaceId, [MeshVertex; 3]>, edges: &EdgeTable<MeshVertex>) -> u64 {
+fn count_single_faces(faces: &TiSlice<FaceId, [MeshVertex; 3]>, edges: &EdgeTable<MeshVertex>) -> Result<u64> {
     let mut open_edges: TiVec<FaceId, u8> = vec![0; faces.len()].into();
-    edges.iter().filter(|edge| edge.len() == 1).for_each(|edge| open_edges[edge[0].face()] += 1);
-    open_edges.iter().filter(|&&count| count == 3).count() as u64
+    edges.try_for_each(|edge| {
+        if let [half] = edge {
+            open_edges[half.face()] += 1;
+        }
+    })?;
+    Ok(open_edges.iter().filter(|&&count| count == 3).count() as u64)
 }
 
-fn count_duplicates(mut faces: Vec<[MeshVertex; 3]>) -> u64 {
-    faces.iter_mut().for_each(|face| face.sort_unstable());
-    in_parallel(|| faces.par_sort_unstable());
-    let before = faces.len();
-    faces.dedup();
-    (before - faces.len()) as u64
+/// Faces that have the vertices of an earlier one; those that repeat a vertex do not count.
+fn count_duplicates(faces: &TiSlice<FaceId, [MeshVertex; 3]>) -> Result<u64> {
+    let mut sorted = Vec::with_capacity(faces.len());
+    for block in blocks_until_stopped(faces.len()) {
+        let sound = faces.raw[block?].iter().filter(|face| !repeats_vertex(**face));
+        sorted.extend(sound.map(|&[a, b, c]| {
+            let mut face = [a, b, c];
+            face.sort_unstable();
+            face
+        }));
+    }
+    check_stopped()?;
+    in_parallel(|| sorted.par_sort_unstable());
+    let before = sorted.len();
+    sorted.dedup();
+    Ok((before - sorted.len()) as u64)
 }
 
 impl Check {

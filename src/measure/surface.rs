@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::base::id::{TiSlice, TiVec};
-use crate::base::pool::{check_stopped, in_parallel};
+use crate::base::pool::{blocks_until_stopped, check_stopped, in_parallel};
 use crate::base::{Error, Result};
 use crate::file::PackedColumn;
 use crate::file::packed::Coordinates;
@@ -95,21 +95,26 @@ impl Surface {
 
     /// The surface after welding vertices at bit-identical positions (-0 is 0); faces that then repeat a vertex are
     /// dropped. Vertices keep the order of their first occurrence.
-    pub fn welded(&self) -> Self {
-        let (positions, new_ids) = weld_positions(&self.positions);
+    ///
+    /// # Errors
+    /// [`Error::Stopped`].
+    pub fn welded(&self) -> Result<Self> {
+        let (positions, new_ids) = weld_positions(&self.positions)?;
         let mut welded = Self { positions, texcoords: self.texcoords.clone(), ..Self::default() };
         welded.faces.raw.reserve_exact(self.faces.len());
         welded.face_texcoords.raw.reserve_exact(self.faces.len());
         welded.face_materials.raw.reserve_exact(self.faces.len());
-        for (face, vertices) in self.faces.iter_enumerated() {
-            let vertices = vertices.map(|v| new_ids[v]);
-            if !repeats_vertex(vertices) {
-                welded.faces.push(vertices);
-                welded.face_texcoords.push(self.face_texcoords[face]);
-                welded.face_materials.push(self.face_materials[face]);
+        for block in blocks_until_stopped(self.faces.len()) {
+            for face in block?.map(FaceId::from) {
+                let vertices = self.faces[face].map(|v| new_ids[v]);
+                if !repeats_vertex(vertices) {
+                    welded.faces.push(vertices);
+                    welded.face_texcoords.push(self.face_texcoords[face]);
+                    welded.face_materials.push(self.face_materials[face]);
+                }
             }
         }
-        welded
+        Ok(welded)
     }
 }
 
@@ -163,23 +168,34 @@ fn append_column<T: Coordinates>(column: &PackedColumn<T>, out: &mut Vec<T>) -> 
 }
 
 /// Distinct positions, and the new id of each old vertex.
-fn weld_positions(positions: &TiSlice<MeshVertex, DVec3>) -> (TiVec<MeshVertex, DVec3>, TiVec<MeshVertex, MeshVertex>) {
-    let mut keys: Vec<([u64; 3], MeshVertex)> =
-        positions.iter_enumerated().map(|(id, &position)| (position_key(position), id)).collect();
+fn weld_positions(
+    positions: &TiSlice<MeshVertex, DVec3>,
+) -> Result<(TiVec<MeshVertex, DVec3>, TiVec<MeshVertex, MeshVertex>)> {
+    let mut keys: Vec<([u64; 3], MeshVertex)> = Vec::with_capacity(positions.len());
+    for block in blocks_until_stopped(positions.len()) {
+        keys.extend(block?.map(MeshVertex::from).map(|id| (position_key(positions[id]), id)));
+    }
+    check_stopped()?;
     in_parallel(|| keys.par_sort_unstable());
     let mut firsts = TiVec::from(vec![MeshVertex::default(); positions.len()]);
-    for group in keys.chunk_by(|a, b| a.0 == b.0) {
-        for &(_, id) in group {
-            firsts[id] = group[0].1;
+    let mut first = keys.first().copied().unwrap_or_default();
+    for block in blocks_until_stopped(keys.len()) {
+        for &(key, id) in &keys[block?] {
+            if key != first.0 {
+                first = (key, id);
+            }
+            firsts[id] = first.1;
         }
     }
     drop(keys);
     let mut kept = TiVec::from(Vec::with_capacity(positions.len()));
-    for (vertex, &position) in positions.iter_enumerated() {
-        let first = firsts[vertex];
-        firsts[vertex] = if first == vertex { kept.push_and_get_key(position) } else { firsts[first] };
+    for block in blocks_until_stopped(positions.len()) {
+        for vertex in block?.map(MeshVertex::from) {
+            let first = firsts[vertex];
+            firsts[vertex] = if first == vertex { kept.push_and_get_key(positions[vertex]) } else { firsts[first] };
+        }
     }
-    (kept, firsts)
+    Ok((kept, firsts))
 }
 
 #[cfg(test)]
@@ -201,7 +217,7 @@ pub(super) mod tests {
             &[[0.0, 0.0, 0.0], [-0.0, 0.0, 0.0], [0.0, -0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
             &[[2, 3, 4], [0, 1, 3]],
         );
-        let welded = surface.welded();
+        let welded = surface.welded().unwrap();
         assert_eq!(welded.positions.len(), 3);
         assert_eq!(welded.faces.raw, [[0, 1, 2].map(MeshVertex::new)]);
         assert_eq!(welded.face_materials.len(), 1);

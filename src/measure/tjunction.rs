@@ -13,8 +13,9 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::base::Result;
 use crate::base::id::TiSlice;
-use crate::base::pool::in_parallel;
+use crate::base::pool::{check_stopped, in_parallel};
 use crate::geometry::boxtree::{Bounds, BoxTree};
 use crate::model::id::MeshVertex;
 use crate::topology::edges::vertices_of;
@@ -26,11 +27,19 @@ const SEARCH_MARGIN: f64 = 1.01;
 
 /// Number of vertices of the boundary edges that lie within `tolerance` (a length) of another boundary edge and, along
 /// it, farther than that from both of its ends. About O(n log n).
-pub fn count_t_junctions(positions: &TiSlice<MeshVertex, DVec3>, boundary: &[[MeshVertex; 2]], tolerance: f64) -> u64 {
+///
+/// # Errors
+/// [`Error::Stopped`](crate::base::Error::Stopped).
+pub fn count_t_junctions(
+    positions: &TiSlice<MeshVertex, DVec3>,
+    boundary: &[[MeshVertex; 2]],
+    tolerance: f64,
+) -> Result<u64> {
     let vertices = vertices_of(boundary);
     let tree = BoxTree::new(vertices.len(), |item| Bounds::around([positions[vertices[item as usize]]]));
     let search = |edges: &[[MeshVertex; 2]]| {
         let mut found = Vec::new();
+        check_stopped()?;
         for &[a, b] in edges {
             let ends = [positions[a], positions[b]];
             if ends[0].distance(ends[1]) <= 2.0 * tolerance {
@@ -43,15 +52,13 @@ pub fn count_t_junctions(positions: &TiSlice<MeshVertex, DVec3>, boundary: &[[Me
                 }
             });
         }
-        found
+        Ok(found)
     };
-    let mut touching: Vec<u32> = in_parallel(|| {
-        let mut touching: Vec<u32> = boundary.par_chunks(EDGES_AT_ONCE).flat_map_iter(search).collect();
-        touching.par_sort_unstable();
-        touching
-    });
+    let found: Vec<Vec<u32>> = in_parallel(|| boundary.par_chunks(EDGES_AT_ONCE).map(search).collect::<Result<_>>())?;
+    let mut touching = found.concat();
+    in_parallel(|| touching.par_sort_unstable());
     touching.dedup();
-    touching.len() as u64
+    Ok(touching.len() as u64)
 }
 
 fn touches_inside(point: DVec3, [from, to]: [DVec3; 2], tolerance: f64) -> bool {
@@ -83,7 +90,7 @@ mod tests {
                     !edge.contains(&v) && touches_inside(positions[v], ends, 1e-6)
                 })
             });
-            prop_assert_eq!(count_t_junctions(&positions, &edges, 1e-6), expected.count() as u64);
+            prop_assert_eq!(count_t_junctions(&positions, &edges, 1e-6).unwrap(), expected.count() as u64);
         }
     }
 
@@ -99,13 +106,13 @@ mod tests {
             positions.raw.extend([DVec3::new(f64::from(i), 0.0, 0.0), DVec3::new(f64::from(i), 0.5, 0.0)]);
             boundary.push([2 * i, 2 * i + 1].map(MeshVertex::new));
         }
-        assert_eq!(count_t_junctions(&positions, &boundary, 1e-6), u64::from(count));
+        assert_eq!(count_t_junctions(&positions, &boundary, 1e-6).unwrap(), u64::from(count));
     }
 
     #[test]
     fn a_vertex_near_the_end_of_an_edge_is_none() {
         let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1e-7, 0.0, 0.0], [0.0, 1.0, 0.0]].map(DVec3::from);
         let boundary = [[0, 1], [2, 3]].map(|edge| edge.map(MeshVertex::new));
-        assert_eq!(count_t_junctions(TiSlice::from_ref(&positions), &boundary, 1e-6), 0);
+        assert_eq!(count_t_junctions(TiSlice::from_ref(&positions), &boundary, 1e-6).unwrap(), 0);
     }
 }

@@ -12,6 +12,8 @@
 //! # Memory
 //! 100 bytes a face.
 
+use std::ops::Range;
+
 use glam::{DVec2, DVec3};
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -19,7 +21,9 @@ use super::atlas::Chart;
 use super::counts::{AtVertex, EdgeSide, Joint, MeshCounts};
 use super::edges::{EdgeTable, HalfEdge};
 use super::id::{OpenBorder, OpenChart, OpenComponent};
+use crate::base::Result;
 use crate::base::id::{Id, TiSlice, TiVec};
+use crate::base::pool::{blocks_until_stopped, check_stopped};
 use crate::geometry::triangle::regularity;
 use crate::mesh::fold::across;
 use crate::mesh::forest::DisjointSets;
@@ -142,28 +146,33 @@ pub struct Counted<V> {
 }
 
 /// Counts a cell; `on_edge` hears of each edge that is counted.
+///
+/// # Errors
+/// [`Error::Stopped`](crate::base::Error::Stopped).
 pub fn count<C: Countable>(
     cell: &C,
     edges: &EdgeTable<C::Vertex>,
     mut on_edge: impl FnMut(&[HalfEdge<C::Vertex>], Joint),
-) -> Counted<C::Vertex> {
+) -> Result<Counted<C::Vertex>> {
     let (faces, vertex_count) = (cell.faces(), cell.positions().len());
     let mut counts = MeshCounts::default();
     let mut vertices: TiVec<C::Vertex, AtVertex> = vec![AtVertex::default(); vertex_count].into();
-    for (face, corners) in sound_faces(cell) {
-        counts.add_face(regularity(corners.map(|vertex| cell.position(vertex))));
-        for (corner, &vertex) in corners.iter().enumerate() {
-            vertices.raw[vertex.index()].add_shown(cell.shown(face, corner));
+    for block in blocks_until_stopped(faces.len()) {
+        for (face, corners) in sound_faces_in(cell, block?) {
+            counts.add_face(regularity(corners.map(|vertex| cell.position(vertex))));
+            for (corner, &vertex) in corners.iter().enumerate() {
+                vertices.raw[vertex.index()].add_shown(cell.shown(face, corner));
+            }
         }
     }
     let mut components = DisjointSets::new(faces.len());
     let mut charts = DisjointSets::new(faces.len());
     let mut borders = DisjointSets::new(vertex_count);
     let mut on_border = Vec::new();
-    for edge in edges.iter() {
+    edges.try_for_each(|edge| {
         edge[1..].iter().for_each(|half| components.join(edge[0].face(), half.face()));
         if cell.is_open(edge[0]) {
-            continue;
+            return;
         }
         let ends = edge[0].ends();
         let joint = counts.add_edge(edge.len(), |at| cell.side(edge[at]));
@@ -176,13 +185,15 @@ pub fn count<C: Countable>(
             charts.join(edge[0].face(), edge[1].face());
         }
         on_edge(edge, joint);
-    }
+    })?;
     vertices.iter_enumerated().filter(|&(vertex, _)| !cell.is_shared(vertex)).for_each(|(_, at)| counts.add_vertex(at));
 
+    check_stopped()?;
     let open_faces = || edges.iter().flatten().filter(|&&half| cell.is_open(half)).map(|half| half.face());
     let textured = |face: &FaceId| is_textured(&cell.texcoords(*face));
     let components = OpenSets::new(components, faces.len(), open_faces());
     let mut charts = OpenSets::new(charts, faces.len(), open_faces().filter(textured));
+    check_stopped()?;
     on_border.sort_unstable();
     on_border.dedup();
     let open_ends = on_border.iter().copied().filter(|&vertex| cell.is_shared(vertex));
@@ -190,8 +201,8 @@ pub fn count<C: Countable>(
 
     counts.topology.components = components.count_closed(sound_faces(cell).map(|(face, _)| face));
     counts.topology.boundary_loops = borders.count_closed(on_border.iter().copied());
-    let open_charts = count_charts(cell, &mut charts, &mut counts);
-    Counted { counts, vertices, components, charts, open_charts, borders, on_border }
+    let open_charts = count_charts(cell, &mut charts, &mut counts)?;
+    Ok(Counted { counts, vertices, components, charts, open_charts, borders, on_border })
 }
 
 /// Counts the charts that stay in the cell, and returns the parts of the others.
@@ -199,24 +210,35 @@ fn count_charts<C: Countable>(
     cell: &C,
     charts: &mut OpenSets<FaceId, OpenChart>,
     counts: &mut MeshCounts,
-) -> TiVec<OpenChart, Chart> {
-    let texcoords = || sound_faces(cell).map(|(face, _)| (face, cell.texcoords(face)));
-    let textured = || texcoords().filter(|(_, uv)| is_textured(uv));
-    let finite = texcoords().flat_map(|(_, uv)| uv).filter(|uv| uv.is_finite());
-    let largest = finite.fold(0.0f64, |largest, uv| largest.max(uv.abs().max_element()));
-    let mut parts: TiVec<FaceId, Chart> = vec![Chart::default(); cell.faces().len()].into();
-    textured().for_each(|(face, uv)| parts[charts.sets.root(face)].add_face(uv, largest));
+) -> Result<TiVec<OpenChart, Chart>> {
+    let face_count = cell.faces().len();
+    let texcoords = |range| sound_faces_in(cell, range).map(|(face, _)| (face, cell.texcoords(face)));
+    let mut largest = 0.0f64;
+    for block in blocks_until_stopped(face_count) {
+        let finite = texcoords(block?).flat_map(|(_, uv)| uv).filter(|uv| uv.is_finite());
+        largest = finite.fold(largest, |largest, uv| largest.max(uv.abs().max_element()));
+    }
+    let textured = |range| texcoords(range).filter(|(_, uv)| is_textured(uv));
+    let mut parts: TiVec<FaceId, Chart> = vec![Chart::default(); face_count].into();
+    for block in blocks_until_stopped(face_count) {
+        textured(block?).for_each(|(face, uv)| parts[charts.sets.root(face)].add_face(uv, largest));
+    }
     let mut open = TiVec::from(vec![Chart::default(); charts.count]);
-    for (face, _) in textured().filter(|&(face, _)| charts.sets.is_root(face)) {
+    check_stopped()?;
+    for (face, _) in textured(0..face_count).filter(|&(face, _)| charts.sets.is_root(face)) {
         match charts.id_of_root(face).some() {
             Some(chart) => open[chart] = parts[face],
             None => counts.add_chart(&parts[face]),
         }
     }
-    open
+    Ok(open)
 }
 
 fn sound_faces<C: Countable>(cell: &C) -> impl Iterator<Item = (FaceId, [C::Vertex; 3])> {
-    let faces = cell.faces().iter_enumerated().filter(|(_, vertices)| !repeats_vertex(**vertices));
-    faces.map(|(face, &vertices)| (face, vertices))
+    sound_faces_in(cell, 0..cell.faces().len())
+}
+
+fn sound_faces_in<C: Countable>(cell: &C, range: Range<usize>) -> impl Iterator<Item = (FaceId, [C::Vertex; 3])> {
+    let faces = range.clone().zip(&cell.faces().raw[range]).filter(|(_, vertices)| !repeats_vertex(**vertices));
+    faces.map(|(face, &vertices)| (FaceId::from(face), vertices))
 }

@@ -9,6 +9,7 @@ use super::counts::{AtVertex, EdgeSide, Joint, MeshCounts};
 use super::edges::{EdgeTable, HalfEdge};
 use super::id::{OpenBorder, OpenChart, OpenComponent};
 use super::seam_edge::{EdgeTexture, SeamEdge};
+use crate::base::Result;
 use crate::base::id::{TiSlice, TiVec};
 use crate::file::record::Verbatim;
 use crate::mesh::ClusterMesh;
@@ -133,11 +134,14 @@ impl Countable for ClusterCell<'_> {
 }
 
 /// Counts a cluster; `images` has the texture image of each part.
+///
+/// # Errors
+/// [`Error::Stopped`](crate::base::Error::Stopped).
 pub fn count_cluster(
     source: &ClusterSource,
     catalogue: &Catalogue,
     images: &TiSlice<PartId, ImageId>,
-) -> ClusterCounts {
+) -> Result<ClusterCounts> {
     let mesh = &source.mesh;
     let cell = ClusterCell::new(mesh, catalogue);
     let edges = EdgeTable::new(cell.faces());
@@ -151,7 +155,7 @@ pub fn count_cluster(
         (&[half], _) => border_edges.push(half.ends().map(|vertex| mesh.positions[vertex] + source.origin)),
         (&[a, b], Joint::Seam) => seams.extend(SeamEdge::between(length(a), [a, b].map(texture))),
         _ => {}
-    });
+    })?;
     let Counted { mut counts, vertices, mut components, mut charts, open_charts, mut borders, on_border } = counted;
     counts.topology.degenerate_faces += source.degenerate;
     let sides = edges.iter().flatten().filter(|&&half| cell.is_open(half)).filter_map(|&half| {
@@ -176,7 +180,7 @@ pub fn count_cluster(
     };
     let border_ends = on_border.iter().filter_map(border_end).collect();
     let shared = vertices.iter_enumerated().filter(|&(vertex, _)| mesh.is_shared(vertex));
-    ClusterCounts {
+    Ok(ClusterCounts {
         counts,
         sides,
         components: components.count,
@@ -186,5 +190,5 @@ pub fn count_cluster(
         shared_vertices: shared.map(|(vertex, &at)| (source.vertex_id(vertex), at)).collect(),
         border_edges,
         seams,
-    }
+    })
 }

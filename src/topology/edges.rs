@@ -11,10 +11,13 @@
 //! # Memory
 //! 36 bytes a face.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
+use crate::base::Result;
 use crate::base::id::{Id, TiSlice};
-use crate::base::pool::in_parallel;
+use crate::base::pool::{BLOCK_ITEMS, blocks_until_stopped, check_stopped, in_parallel};
 use crate::mesh::id::FaceId;
 use crate::model::face::repeats_vertex;
 
@@ -76,24 +79,51 @@ impl<V: Id> EdgeTable<V> {
     /// # Panics
     /// With more than 2³² / 3 faces.
     pub fn new(faces: &TiSlice<FaceId, [V; 3]>) -> Self {
-        let mut half_edges = half_edges(faces);
+        let mut half_edges = room_for(faces);
+        add_half_edges(faces, 0..faces.len(), &mut half_edges);
         half_edges.sort_unstable_by_key(|half| (half.edge(), half.corner));
         Self { half_edges }
     }
 
     /// As [`new`](Self::new), for a mesh that is worked on alone: all threads sort.
     ///
+    /// # Errors
+    /// [`Error::Stopped`](crate::base::Error::Stopped).
+    ///
     /// # Panics
     /// As [`new`](Self::new).
-    pub fn of_whole(faces: &TiSlice<FaceId, [V; 3]>) -> Self {
-        let mut half_edges = half_edges(faces);
+    pub fn of_whole(faces: &TiSlice<FaceId, [V; 3]>) -> Result<Self> {
+        let mut half_edges = room_for(faces);
+        for block in blocks_until_stopped(faces.len()) {
+            add_half_edges(faces, block?, &mut half_edges);
+        }
+        check_stopped()?;
         in_parallel(|| half_edges.par_sort_unstable_by_key(|half| (half.edge(), half.corner)));
-        Self { half_edges }
+        Ok(Self { half_edges })
     }
 
     /// The edges in the order of their vertices; each is the non-empty slice of its half-edges in the order of faces.
     pub fn iter(&self) -> impl Iterator<Item = &[HalfEdge<V>]> {
-        self.half_edges.chunk_by(|a, b| a.ends == b.ends)
+        edges_of(&self.half_edges)
+    }
+
+    /// As [`iter`](Self::iter), for a mesh of any size: looks once a block whether the job is to stop.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`](crate::base::Error::Stopped).
+    pub fn try_for_each(&self, mut work: impl FnMut(&[HalfEdge<V>])) -> Result<()> {
+        let mut left = &self.half_edges[..];
+        while !left.is_empty() {
+            check_stopped()?;
+            let at_least = left.len().min(BLOCK_ITEMS);
+            // A block ends with an edge.
+            let last = left[at_least - 1].ends;
+            let more = left[at_least..].iter().take_while(|half| half.ends == last).count();
+            let (block, rest) = left.split_at(at_least + more);
+            edges_of(block).for_each(&mut work);
+            left = rest;
+        }
+        Ok(())
     }
 
     /// The two vertices of every edge with exactly one face, in the order of vertices.
@@ -102,16 +132,23 @@ impl<V: Id> EdgeTable<V> {
     }
 }
 
-fn half_edges<V: Id>(faces: &TiSlice<FaceId, [V; 3]>) -> Vec<HalfEdge<V>> {
+fn edges_of<V: Id>(half_edges: &[HalfEdge<V>]) -> impl Iterator<Item = &[HalfEdge<V>]> {
+    half_edges.chunk_by(|a, b| a.ends == b.ends)
+}
+
+fn room_for<V>(faces: &TiSlice<FaceId, [V; 3]>) -> Vec<HalfEdge<V>> {
     assert!(faces.len() < u32::MAX as usize / 3, "more than 2^32 / 3 faces cannot be measured in memory");
-    let mut half_edges = Vec::with_capacity(faces.len() * 3);
-    for (face, vertices) in faces.iter_enumerated().filter(|(_, vertices)| !repeats_vertex(**vertices)) {
+    Vec::with_capacity(faces.len() * 3)
+}
+
+fn add_half_edges<V: Id>(faces: &TiSlice<FaceId, [V; 3]>, range: Range<usize>, out: &mut Vec<HalfEdge<V>>) {
+    let numbered = range.clone().zip(&faces.raw[range]);
+    for (face, vertices) in numbered.filter(|(_, vertices)| !repeats_vertex(**vertices)) {
         for corner in 0..3 {
             let (from, to) = (vertices[corner], vertices[(corner + 1) % 3]);
-            half_edges.push(HalfEdge { ends: [from.min(to), from.max(to)], corner: face.number() * 3 + corner as u32 });
+            out.push(HalfEdge { ends: [from.min(to), from.max(to)], corner: (face * 3 + corner) as u32 });
         }
     }
-    half_edges
 }
 
 /// The vertices of some edges, each once, in the order of ids.
@@ -144,7 +181,18 @@ mod tests {
         assert_eq!(diagonal[1].corners(&faces), [1, 0]);
         assert_eq!(diagonal[1].opposite(&faces), v(3));
         assert_eq!(vertices_of(&table.boundary()), [0, 1, 2, 3].map(v));
-        assert_eq!(EdgeTable::of_whole(&faces).half_edges, table.half_edges);
+        assert_eq!(EdgeTable::of_whole(&faces).unwrap().half_edges, table.half_edges);
+    }
+
+    #[test]
+    fn blocks_of_edges_are_cut_between_edges() {
+        // a strip of triangles: all inner edges have two faces, also those where a block ends
+        let faces: TiVec<FaceId, _> = (0..70_000).map(|i| [i, i + 1, i + 2].map(v)).collect();
+        let table = EdgeTable::new(&faces);
+        let mut found = Vec::new();
+        table.try_for_each(|edge| found.push(edge.to_vec())).unwrap();
+        assert!(table.half_edges.len() > 3 * BLOCK_ITEMS);
+        assert!(table.iter().eq(found.iter().map(|edge| &edge[..])));
     }
 
     #[test]

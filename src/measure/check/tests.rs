@@ -2,6 +2,8 @@ use std::collections::BTreeSet;
 
 use super::super::surface::tests::bare;
 use super::*;
+use crate::base::pool::Pool;
+use crate::base::{Error, Progress};
 use crate::model::id::{MaterialId, Texcoord};
 use proptest::prelude::*;
 
@@ -202,7 +204,7 @@ proptest! {
         let mut surface = bare(&positions, &faces);
         surface.texcoords = (0..5).map(|i| glam::DVec2::new(f64::from(i % 2), f64::from(i / 2))).collect();
         surface.face_texcoords = texcoords[..faces.len()].iter().map(|face| face.map(Texcoord::new)).collect();
-        for surface in [surface.welded(), surface] {
+        for surface in [surface.welded().unwrap(), surface] {
             let counts = check(&surface).unwrap();
             let faces: Vec<_> = surface.faces.iter().map(|face| face.map(MeshVertex::number)).collect();
             let expected = brute_force(&faces);
@@ -317,4 +319,39 @@ fn a_triangle_on_a_line_of_texture_space_is_degenerate() {
     let texcoords = [[0.1, 0.1], [0.2, 0.2], [0.7, 0.7], [0.9, 0.3]];
     let counts = strip(&texcoords, [[0, 1, 2], [2, 1, 3]], [0, 0]);
     assert_eq!((counts.uv.uv_degenerate, counts.uv.folded_uv), (1, 0));
+}
+
+/// Asks the job to stop.
+struct Stopping;
+
+impl Progress for Stopping {
+    fn begin(&self, _phase: &'static str, _total: u64, _unit: &'static str) {}
+
+    fn advance(&self, _units: u64) {}
+
+    fn is_stopped(&self) -> bool {
+        true
+    }
+}
+
+#[test]
+fn each_step_of_a_check_looks_whether_it_is_to_stop() {
+    let surface = bare(&TETRAHEDRON_POSITIONS, &TETRAHEDRON[1..]);
+    let edges = EdgeTable::new(&surface.faces);
+    let boundary = edges.boundary();
+    let steps: [(&str, &(dyn Fn() -> Result<()> + Sync)); 8] = [
+        ("weld", &|| surface.welded().map(drop)),
+        ("edge table", &|| EdgeTable::of_whole(&surface.faces).map(drop)),
+        ("edges", &|| edges.try_for_each(|_| {})),
+        ("count", &|| count(&surface, &edges, |_, _| {}).map(drop)),
+        ("fans", &|| count_non_manifold_vertices(&surface, &edges).map(drop)),
+        ("single faces", &|| count_single_faces(&surface.faces, &edges).map(drop)),
+        ("duplicates", &|| count_duplicates(&surface.faces).map(drop)),
+        ("T-junctions", &|| count_t_junctions(&surface.positions, &boundary, 1e-6).map(drop)),
+    ];
+    for (name, step) in steps {
+        assert!(step().is_ok(), "{name}");
+        let stopped = Pool::new(1).unwrap().run(&Stopping, step);
+        assert!(matches!(stopped, Err(Error::Stopped)), "{name}");
+    }
 }

@@ -118,7 +118,7 @@ impl MeasuredMesh {
         progress.begin("prepare", partition.total_faces(), "faces");
         let options = VisitOptions { limits: resources.limits(), face_bytes: FACE_BYTES, progress };
         let work_on = |source: &ClusterSource| {
-            Ok((maker.draft(source, Vec::new()), count_cluster(source, &catalogue, &images.of_part)))
+            Ok((maker.draft(source, Vec::new()), count_cluster(source, &catalogue, &images.of_part)?))
         };
         visit(&partition, &mesh, &catalogue, &options, work_on, |(draft, counts): (CellDraft, ClusterCounts)| {
             writer.append(draft)?;
