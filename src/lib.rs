@@ -108,4 +108,5 @@ pub use base::{Error, ErrorKind, Progress, Result, Silent};
 pub use model::Mesh;
 pub use options::{JobOptions, Limits, SimplifyOptions, Target};
 pub use os::mmap::map_large_allocations as return_freed_memory;
+pub use os::system::claim_process;
 pub use report::Report;

@@ -2,5 +2,6 @@
 
 fn main() -> std::process::ExitCode {
     drystone::os::mmap::map_large_allocations();
+    drystone::claim_process();
     drystone::cli::run()
 }

@@ -1,7 +1,8 @@
 """Results of the commands, with the names of their JSON.
 
 `docs/reference/report.md` explains those of `Report`, `docs/reference/comparison.md` those of `Comparison`. Sizes are
-in bytes, times in seconds, lengths in the mesh's unit, shares between 0 and 1.
+in bytes, times in seconds, lengths in the mesh's unit, shares between 0 and 1. `peak_resident` is None in results of
+calls: the system measures the memory of a process, not that of a call.
 """
 
 from dataclasses import dataclass, field
@@ -114,11 +115,15 @@ class Seconds(Record):
 
 @dataclass(frozen=True)
 class Memory(Record):
-    """Memory of the whole process, in bytes: allowed, predicted, and the peak that the system measured."""
+    """Memory in bytes: allowed, predicted, and the peak that the system measured.
+
+    The peak of a process holds all that the process does: it is None in reports of calls, and known in those that the
+    command line writes.
+    """
 
     budget: int
     predicted_peak: int
-    peak_resident: int
+    peak_resident: int | None
 
 
 @dataclass(frozen=True)
@@ -446,7 +451,7 @@ class Comparison(Record):
     topology: Topologies
     quality: Qualities
     seconds: float
-    peak_resident: int
+    peak_resident: int | None
     warnings: tuple[str, ...]
 
 
@@ -742,7 +747,7 @@ class TileReport(Record):
     origin: Place | None
     levels: tuple[Level, ...]
     seconds: float
-    peak_resident: int
+    peak_resident: int | None
     warnings: tuple[str, ...]
 
 

@@ -81,10 +81,24 @@ def test_each_result_has_the_json_of_its_command(tmp_path):
     for arguments, result in calls:
         done = run(*arguments, "--json")
         expected, found = json.loads(done.stdout), result.to_dict()
+        assert not expected.get("peak_resident", 1) is None and found.get("peak_resident") is None
         for volatile in ("seconds", "peak_resident", "scratch"):
             assert (volatile in expected) == (volatile in found)
             expected.pop(volatile, None), found.pop(volatile, None)
         assert found == expected, arguments
+
+
+def test_the_memory_of_this_process_is_not_that_of_a_call(tmp_path):
+    output, page = tmp_path / "a.obj", tmp_path / "a.html"
+    report = drystone.simplify(TOWN, output, ratio=0.1, report=page)
+    assert report.memory.peak_resident is None and report.to_dict()["memory"]["peak_resident"] is None
+    assert "peak memory" not in page.read_text() and "Highest memory" not in page.read_text()
+    drystone.compare(TOWN, output, samples=1000, report=tmp_path / "b.html")
+    assert "peak memory" not in (tmp_path / "b.html").read_text()
+    assert drystone.tile(TOWN, tmp_path / "tiles").peak_resident is None
+    done = run("simplify", TOWN, "-o", output, "--ratio", "0.1", "--report", page, "--format", "json", "--force")
+    assert json.loads(done.stdout)["memory"]["peak_resident"] > 10 << 20
+    assert "peak memory" in page.read_text() and "Highest memory" in page.read_text()
 
 
 def test_tiles_are_those_of_the_command_line(tmp_path):

@@ -53,8 +53,9 @@ pub struct Comparison {
     pub quality: BeforeAfter<Quality>,
     /// Time in seconds.
     pub seconds: f64,
-    /// Peak resident memory of the process so far, in bytes.
-    pub peak_resident: u64,
+    /// Peak resident memory of the process so far, in bytes; `None` if it [is not the job's
+    /// alone](crate::claim_process).
+    pub peak_resident: Option<u64>,
     /// Messages about what was ignored or could not be measured.
     pub warnings: Vec<String>,
 }

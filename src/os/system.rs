@@ -3,10 +3,21 @@
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Peak resident memory of this process in bytes (`VmHWM`); 0 if unknown.
-pub fn peak_resident_bytes() -> u64 {
-    proc_status_bytes("VmHWM:").unwrap_or(0)
+/// Whether this process runs one job and nothing else.
+static IS_CLAIMED: AtomicBool = AtomicBool::new(false);
+
+/// Says that this process runs one job and nothing else: reports then have its peak memory as that of the job. For the
+/// `main` of a program; the memory of any other process is not the job's alone, and is left out.
+pub fn claim_process() {
+    IS_CLAIMED.store(true, Ordering::Relaxed);
+}
+
+/// Peak resident memory of this process in bytes (`VmHWM`); `None` if it is unknown, or [not the job's
+/// alone](claim_process).
+pub fn peak_resident_bytes() -> Option<u64> {
+    IS_CLAIMED.load(Ordering::Relaxed).then(|| proc_status_bytes("VmHWM:")).flatten()
 }
 
 /// Resident memory of this process in bytes (`VmRSS`); 0 if unknown.

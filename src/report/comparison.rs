@@ -58,6 +58,7 @@ impl ComparisonPage {
         let title = comparison.result.file_name().map_or_else(String::new, |name| escape_path(name.as_ref()));
         let faces = [comparison.topology.before.faces, comparison.topology.after.faces];
         let rms = comparison.geometry.symmetric.rms;
+        let peak = comparison.peak_resident.map(|peak| format!("{} peak memory", bytes::display(peak)));
         let body = html! {
             header {
                 p.mark { "drystone compare" }
@@ -75,8 +76,7 @@ impl ComparisonPage {
                 @if let Some(texture) = &comparison.texture {
                     (figure("difference of colour", &length(texture.colour_rms), "RMS, of 255"))
                 }
-                (figure("time", &seconds(comparison.seconds),
-                    &format!("{} peak memory", bytes::display(comparison.peak_resident))))
+                (figure("time", &seconds(comparison.seconds), &peak.unwrap_or_default()))
             }
             @if let Some([before, after]) = &self.shots { (renderings(before, after)) }
             (body(comparison, self.shots.as_ref().map_or(&[], |[_, after]| after)))

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::gallery::png_address;
 use super::markup::{self, figure, plot, renderings, row};
 use super::numbers::{length, percent, seconds, spaced};
-use super::run::{FileFigures, Report, Status};
+use super::run::{FileFigures, MemoryFigures, Report, Status};
 use super::{comparison, plots, summary};
 use crate::base::error::escape_path;
 use crate::base::{bytes, counted};
@@ -59,7 +59,6 @@ fn measured(report: &Report) -> Markup {
 fn key_figures(report: &Report) -> Markup {
     let faces = &report.faces;
     let share = 100.0 * faces.output as f64 / faces.input.max(1) as f64;
-    let memory_share = 100.0 * report.memory.peak_resident as f64 / report.memory.budget.max(1) as f64;
     html! {
         section.figures {
             (figure("triangles before", &spaced(faces.input), &files(report.input_files)))
@@ -74,14 +73,25 @@ fn key_figures(report: &Report) -> Markup {
                 None => (measured(report)),
             }
             (figure("time", &seconds(report.seconds.total), &format!("{} threads", report.threads)))
-            (figure("peak memory", &bytes::display(report.memory.peak_resident),
-                &format!("{} of the {} allowed", percent(memory_share), bytes::display(report.memory.budget))))
+            (memory(&report.memory))
             (figure("mesh before", &bytes::display(report.io.input), "read once"))
             (figure("mesh after", &bytes::display(report.io.output), "without MTL and textures"))
             (figure("materials left", &spaced(report.files.materials_left), &lost(report.files.materials, report.files.materials_left)))
             (figure("textures left", &spaced(report.files.textures_left), &lost(report.files.textures, report.files.textures_left)))
             (figure("texture images", &bytes::display(report.files.image_bytes), &images(&report.files)))
         }
+    }
+}
+
+/// The peak as a share of the budget, or the budget.
+fn memory(memory: &MemoryFigures) -> Markup {
+    let budget = bytes::display(memory.budget);
+    match memory.peak_resident {
+        Some(peak) => {
+            let share = percent(100.0 * peak as f64 / memory.budget.max(1) as f64);
+            figure("peak memory", &bytes::display(peak), &format!("{share} of the {budget} allowed"))
+        }
+        None => figure("memory allowed", &budget, "the peak is not measured inside another program"),
     }
 }
 
@@ -182,6 +192,8 @@ fn findings(report: &Report) -> Markup {
 fn time(report: &Report) -> Markup {
     let timeline = &report.timeline;
     let total = report.seconds.total.max(1e-9);
+    // The memory of a process that does other work, too, says nothing of this run.
+    let peak = report.memory.peak_resident;
     html! {
         section {
             h2 { "Time, memory, and bytes moved" }
@@ -192,13 +204,16 @@ fn time(report: &Report) -> Markup {
                 }
             }
             div.pair {
-                (plot(plots::memory(timeline, report.memory.budget), "Resident memory, mapped pages included"))
+                @if peak.is_some() {
+                    (plot(plots::memory(timeline, report.memory.budget), "Resident memory, mapped pages included"))
+                }
                 (plot(plots::moved(timeline), "Bytes read and written by system calls"))
             }
             table {
                 thead {
                     tr {
-                        th { "Phase" } th.number { "Time" } th.number { "Share" } th.number { "Highest memory" }
+                        th { "Phase" } th.number { "Time" } th.number { "Share" }
+                        @if peak.is_some() { th.number { "Highest memory" } }
                         th.number { "Read" } th.number { "Written" }
                     }
                 }
@@ -212,7 +227,7 @@ fn time(report: &Report) -> Markup {
                             }
                             td.number { (seconds(phase.end - phase.begin)) }
                             td.number { (percent(100.0 * (phase.end - phase.begin) / total)) }
-                            td.number { (bytes::display(stay.resident)) }
+                            @if peak.is_some() { td.number { (bytes::display(stay.resident)) } }
                             td.number { (bytes::display(stay.read)) }
                             td.number { (bytes::display(stay.written)) }
                         }
@@ -223,7 +238,7 @@ fn time(report: &Report) -> Markup {
                         th scope="row" { "whole run" }
                         td.number { (seconds(report.seconds.total)) }
                         td.number { }
-                        td.number { (bytes::display(report.memory.peak_resident)) }
+                        @if let Some(peak) = peak { td.number { (bytes::display(peak)) } }
                         td.number { (bytes::display(report.io.read)) }
                         td.number { (bytes::display(report.io.written)) }
                     }

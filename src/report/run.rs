@@ -94,8 +94,9 @@ pub struct MemoryFigures {
     pub budget: u64,
     /// Peak that the formulas predict.
     pub predicted_peak: u64,
-    /// Peak resident memory that the system measured.
-    pub peak_resident: u64,
+    /// Peak resident memory that the system measured; `None` if the process [is not the job's
+    /// alone](crate::claim_process).
+    pub peak_resident: Option<u64>,
 }
 
 /// Bytes read and written.

@@ -49,7 +49,9 @@ impl Report {
         let _ = writeln!(text, "triangles before: {}", self.faces.input);
         let _ = writeln!(text, "share: {share:.3}%");
         let _ = writeln!(text, "seconds: {:.1}", self.seconds.total);
-        let _ = writeln!(text, "peak memory: {}", bytes::display(self.memory.peak_resident));
+        if let Some(peak) = self.memory.peak_resident {
+            let _ = writeln!(text, "peak memory: {}", bytes::display(peak));
+        }
         let _ = writeln!(text, "memory allowed: {}", bytes::display(self.memory.budget));
         self.add_deviation(&mut text);
         for (name, count) in changes(&self.topology) {

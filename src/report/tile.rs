@@ -19,8 +19,8 @@ pub struct TileReport {
     pub levels: Vec<LevelFigures>,
     /// Time in seconds.
     pub seconds: f64,
-    /// Peak resident memory of the process, in bytes.
-    pub peak_resident: u64,
+    /// Peak resident memory of the process, in bytes; `None` if it [is not the job's alone](crate::claim_process).
+    pub peak_resident: Option<u64>,
     /// Messages about what was ignored or lost.
     pub warnings: Vec<String>,
 }
@@ -59,7 +59,9 @@ impl TileReport {
         }
         let _ = writeln!(text, "bytes of tiles: {}", sum(|level| level.bytes));
         let _ = writeln!(text, "seconds: {:.1}", self.seconds);
-        let _ = writeln!(text, "peak memory: {}", bytes::display(self.peak_resident));
+        if let Some(peak) = self.peak_resident {
+            let _ = writeln!(text, "peak memory: {}", bytes::display(peak));
+        }
         text
     }
 }
