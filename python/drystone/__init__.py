@@ -31,6 +31,7 @@ from drystone.errors import (
     StoppedError,
     TargetMissed,
     TargetMissedError,
+    TaskError,
     UsageError,
 )
 from drystone.files import check, compare, inspect, plan, simplify, status, tile
@@ -76,6 +77,7 @@ __all__ = [
     "StoppedError",
     "TargetMissed",
     "TargetMissedError",
+    "TaskError",
     "TilePlan",
     "TileReport",
     "TilesetCheck",

@@ -115,6 +115,18 @@ class StoppedError(DrystoneError):
     exit_code = 130
 
 
+class TaskError(DrystoneError):
+    """The task `task`, which others were to do, has no result after all tries.
+
+    `exit_code` is that of the task runner if it failed, else 1, as that of the command line is.
+    """
+
+    def __init__(self, message: str, task: int | None = None, exit_code: int = 1) -> None:
+        super().__init__(message, task, exit_code)
+        self.task = task
+        self.exit_code = exit_code
+
+
 class IoError(DrystoneError, OSError):
     """A file could not be read or written; `errno` and `filename` are those of OSError.
 
@@ -166,8 +178,13 @@ def _io_class(number: int | None) -> type[IoError]:
     return _io_classes[builtin]
 
 
-def from_native(kind: str, message: str, path: bytes | str | None, number: int | None) -> DrystoneError:
-    """The exception for an error of the native half; `number` is a line, an error number, or bytes."""
+def from_native(
+    kind: str, message: str, path: bytes | str | None, number: int | None, exit_code: int | None = None
+) -> DrystoneError:
+    """The exception for an error of the native half.
+
+    `number` is a line, an error number, bytes, or a task; `exit_code` that of a task runner.
+    """
     message = with_keywords(message, kind in ("usage", "budget"))
     there = None if path is None else os.fsdecode(path)
     match kind:
@@ -190,13 +207,17 @@ def from_native(kind: str, message: str, path: bytes | str | None, number: int |
             return DamagedError(message, there)
         case "limit":
             return LimitError(message)
+        case "task":
+            return TaskError(message, number, exit_code or 1)
         case "stopped":
             return StoppedError("stopped")
         case "forked":
             return DrystoneError("this process was forked while a job ran, which goes on in the other one alone")
         case "internal":
             words = "internal error, please report it; the work folder stays, and the same call resumes"
-            return DrystoneError(f"{words}: {message}")
+            error = DrystoneError(f"{words}: {message}")
+            error.exit_code = 101
+            return error
         case _:
             return DrystoneError(message)
 

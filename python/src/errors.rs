@@ -6,9 +6,9 @@ use std::ffi::OsString;
 use drystone::{Error, ErrorKind};
 use pyo3::prelude::*;
 
-/// What `drystone.errors.from_native` makes an exception of: kind, message, path; and a number: the line of an input, the
-/// error number of the system, the bytes of a sufficient budget.
-type Described = (&'static str, String, Option<OsString>, Option<u64>);
+/// What `drystone.errors.from_native` makes an exception of: kind, message, path; a number: the line of an input, the
+/// error number of the system, the bytes of a sufficient budget, the task; and the exit code of a task runner.
+type Described = (&'static str, String, Option<OsString>, Option<u64>, Option<i32>);
 
 /// The exception for an error.
 pub fn exception(py: Python<'_>, error: &Error) -> PyErr {
@@ -19,12 +19,12 @@ pub fn exception(py: Python<'_>, error: &Error) -> PyErr {
 pub fn panicked(py: Python<'_>, panic: &(dyn Any + Send)) -> PyErr {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
     let text = text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_default();
-    make(py, ("internal", text, None, None))
+    make(py, ("internal", text, None, None, None))
 }
 
 /// The exception in a process that was forked from the one where the job runs.
 pub fn forked(py: Python<'_>) -> PyErr {
-    make(py, ("forked", String::new(), None, None))
+    make(py, ("forked", String::new(), None, None, None))
 }
 
 fn make(py: Python<'_>, described: Described) -> PyErr {
@@ -44,6 +44,7 @@ fn describe(error: &Error) -> Described {
         ErrorKind::Damaged => "damaged",
         ErrorKind::Stopped => "stopped",
         ErrorKind::Limit => "limit",
+        ErrorKind::Task => "task",
         _ => "other",
     };
     let (path, number) = match error {
@@ -53,7 +54,12 @@ fn describe(error: &Error) -> Described {
         }
         Error::NoSpace { path, .. } | Error::Damaged { path, .. } | Error::Locked(path) => (Some(path), None),
         Error::Budget { needed, .. } => (None, *needed),
+        Error::Task { task, .. } => (None, u64::try_from(*task).ok()),
         _ => (None, None),
     };
-    (kind, error.to_string(), path.map(|path| path.clone().into_os_string()), number)
+    let exit_code = match error {
+        Error::Task { exit_code, .. } => *exit_code,
+        _ => None,
+    };
+    (kind, error.to_string(), path.map(|path| path.clone().into_os_string()), number, exit_code)
 }

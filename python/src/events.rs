@@ -73,11 +73,11 @@ impl State {
         }
     }
 
-    /// Ends the phase: all of its units are done.
+    /// Ends the phase: all of its units are done. Where their number is unknown, nobody else can see that.
     fn end(&mut self) {
         if let Some(phase) = self.phase.take() {
             let done = phase.done.max(phase.total);
-            if phase.total > 0 && done > self.told {
+            if phase.total == 0 || done > self.told {
                 self.push(Event { done, ..phase });
             }
         }

@@ -21,6 +21,9 @@ const INTERVAL: Duration = Duration::from_millis(100);
 /// Time in which the function may end by itself once the job is to stop.
 const GRACE: Duration = Duration::from_secs(3);
 
+/// How a function ends that may have left tasks out.
+const UNSURE: HandsEnd = HandsEnd::Unsure { exit_code: None };
+
 /// Hands over the tasks of stages to the thread that called the job.
 #[derive(Debug)]
 pub struct PythonHands {
@@ -68,7 +71,7 @@ impl Hands for PythonHands {
                 }
                 _ if is_stopped => Err(Error::Stopped),
                 Ok(end) => Ok(end),
-                Err(_) => Ok(HandsEnd::Unsure),
+                Err(_) => Ok(UNSURE),
             };
         }
     }
@@ -104,6 +107,6 @@ impl StageTasks {
             self.is_stopped.store(true, Ordering::Relaxed);
         }
         // The job may be over.
-        let _ = self.ended.try_send(if is_done { HandsEnd::Done } else { HandsEnd::Unsure });
+        let _ = self.ended.try_send(if is_done { HandsEnd::Done } else { UNSURE });
     }
 }

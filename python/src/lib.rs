@@ -11,6 +11,7 @@ mod hands;
 mod job;
 
 use std::ffi::OsString;
+use std::panic::catch_unwind;
 use std::path::PathBuf;
 
 use drystone::Progress;
@@ -59,10 +60,11 @@ fn decode_image(py: Python<'_>, path: PathBuf) -> PyResult<(usize, usize, Bound<
     Ok((height, width, PyByteArray::new(py, decoded.pixels())))
 }
 
-/// Runs the program with arguments, of which the first is its name; returns the exit code.
+/// Runs the program with arguments, of which the first is its name; returns the exit code, for a panic that of Rust.
 #[pyfunction]
 fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
     // This process runs nothing else.
     drystone::return_freed_memory();
-    py.detach(|| drystone::cli::run_with(arguments))
+    drystone::claim_process();
+    py.detach(|| catch_unwind(|| drystone::cli::run_with(arguments))).unwrap_or(101)
 }

@@ -96,7 +96,7 @@ def test_a_worker_that_is_killed_or_stops_changes_nothing(cluster, mesh, expecte
 
 def test_a_task_that_fails_on_every_worker_ends_the_job(cluster, mesh, tmp_path):
     runner = command(cluster) + " --program false"
-    with pytest.raises(drystone.IoError, match="task 0 of 12 tasks has no result after 2 tries"):
+    with pytest.raises(drystone.TaskError, match="task 0 of 12 tasks has no result after 2 tries"):
         drystone.simplify(
             mesh, tmp_path / "out.obj", **OPTIONS, **LIMITS, task_runner=runner, tasks=12, task_tries=2, force=True
         )

@@ -401,9 +401,10 @@ EVERY = [
     errors.TargetMissedError("missed", None),
     errors.BoundBrokenError("broken", None),
     errors.from_native("stopped", "stopped", None, None),
+    errors.from_native("task", "task 2 of 5 tasks has no result after 3 tries", None, 2, 7),
 ]
 BUILTIN = [ValueError, ValueError, ValueError, FileNotFoundError, PermissionError, OSError, OSError, Exception]
-BUILTIN += [BlockingIOError, Exception, OverflowError, *[Exception] * 4]
+BUILTIN += [BlockingIOError, Exception, OverflowError, *[Exception] * 5]
 
 
 @pytest.mark.parametrize(("error", "builtin"), list(zip(EVERY, BUILTIN, strict=True)), ids=lambda e: type(e).__name__)
@@ -411,8 +412,24 @@ def test_errors_are_builtin_ones_and_travel_between_processes(error, builtin):
     assert isinstance(error, drystone.DrystoneError) and isinstance(error, builtin)
     copy = pickle.loads(pickle.dumps(error))
     assert type(copy) is type(error) and str(copy) == str(error) and copy.exit_code == error.exit_code
-    for name in ("path", "line", "row", "errno", "filename", "needed"):
+    for name in ("path", "line", "row", "errno", "filename", "needed", "task"):
         assert getattr(copy, name, None) == getattr(error, name, None)
+
+
+def test_a_panic_has_the_exit_code_of_one():
+    error = errors.from_native("internal", "index out of bounds", None, None)
+    assert type(error) is drystone.DrystoneError and "please report it" in str(error)
+    assert error.exit_code == 101 and drystone.DrystoneError.exit_code == 1
+
+
+@needs_posix
+def test_a_task_without_a_result_has_the_exit_code_of_its_runner(tmp_path):
+    runner = "echo {stage} >&2; exit 3"
+    with pytest.raises(drystone.TaskError, match="^task 0 of [0-9]+ tasks has no result after 1 try$") as caught:
+        drystone.simplify(TOWN, tmp_path / "a.obj", **CLUSTERED, task_runner=runner, task_tries=1)
+    assert caught.value.task == 0 and caught.value.exit_code == 3
+    options = ["--ratio", 0.5, "--cluster-faces", 2000, "--task-runner", runner, "--task-tries", 1]
+    assert exit_code("simplify", TOWN, "-o", tmp_path / "a.obj", *options) == 1
 
 
 def test_a_full_disk_has_the_error_number_of_the_system():

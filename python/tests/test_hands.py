@@ -81,9 +81,9 @@ def test_a_function_that_does_nothing_ends_the_job(tmp_path):
         calls.append(count)
         return ["all of them"]
 
-    with pytest.raises(drystone.IoError, match="has no result after 2 tries"):
+    with pytest.raises(drystone.TaskError, match="has no result after 2 tries") as caught:
         drystone.simplify(TOWN, tmp_path / "out.obj", **OPTIONS, **LIMITS, hands=idle, tasks=4, task_tries=2)
-    assert calls == [4, 4]
+    assert calls == [4, 4] and caught.value.task == 0 and caught.value.exit_code == 1
 
 
 def test_what_cannot_have_tasks_done_is_refused(tmp_path):

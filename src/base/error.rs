@@ -73,6 +73,16 @@ pub enum Error {
     /// The mesh exceeds a limit of the program (such as 2³² - 2 vertices).
     #[error("{0}")]
     Limit(String),
+    /// A task that was to be done elsewhere has no result.
+    #[error("{message}")]
+    Task {
+        /// The number of the task in its stage.
+        task: usize,
+        /// Exit code of the task runner, if it ended with one.
+        exit_code: Option<i32>,
+        /// Task, tries and the last error.
+        message: String,
+    },
     /// A task that was done elsewhere failed.
     #[error("{message}")]
     Elsewhere {
@@ -124,6 +134,7 @@ impl Error {
             Error::Damaged { .. } => ErrorKind::Damaged,
             Error::Stopped => ErrorKind::Stopped,
             Error::Limit(_) => ErrorKind::Limit,
+            Error::Task { .. } => ErrorKind::Task,
             Error::Elsewhere { kind, .. } => *kind,
         }
     }
@@ -153,6 +164,8 @@ pub enum ErrorKind {
     Stopped,
     /// The mesh exceeds a limit of the program.
     Limit,
+    /// A task that was to be done elsewhere has no result.
+    Task,
 }
 
 /// Describes how much space is free at `path`, and what to do.

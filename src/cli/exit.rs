@@ -76,6 +76,7 @@ mod tests {
             Error::Damaged { path: path(), message: String::new() },
             Error::Stopped,
             Error::Limit(String::new()),
+            Error::Task { task: 0, exit_code: None, message: String::new() },
         ];
         assert!(errors.iter().all(|error| CODES.iter().any(|(code, _)| *code == code_of(error))));
         assert!(CODES.is_sorted_by_key(|(code, _)| *code));

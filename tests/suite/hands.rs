@@ -268,7 +268,7 @@ impl Hands for Idle {
             assert_eq!((seen.tasks, seen.tasks_done, seen.tasks_failed), (6, 0, 1));
             assert!(seen.failure.unwrap().ends_with("of no use"));
         }
-        Ok(HandsEnd::Unsure)
+        Ok(HandsEnd::Unsure { exit_code: Some(7) })
     }
 
     fn patience(&self) -> Duration {
@@ -286,6 +286,8 @@ fn a_task_without_a_result_ends_the_job_and_the_same_call_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let error = town_elsewhere(folder.path(), Arc::new(Idle(None))).unwrap_err();
     assert!(error.to_string().contains("task 0 of 6 tasks has no result after 3 tries"), "{error}");
+    assert_eq!(error.kind(), ErrorKind::Task);
+    assert!(matches!(error, drystone::Error::Task { task: 0, exit_code: Some(7), .. }), "{error:?}");
     let work = folder.path().join("out.obj.work");
     assert_eq!(stages(&work).len(), 1);
     let hands = Arc::new(Careless::default());
@@ -348,7 +350,7 @@ impl Hands for Unlucky {
             for name in ["task-2.error", "task-2.full"] {
                 std::fs::write(stage.path().with_file_name(name), "").unwrap();
             }
-            return Ok(HandsEnd::Unsure);
+            return Ok(HandsEnd::Unsure { exit_code: None });
         }
         let mut bytes = std::fs::read(stage.path()).unwrap();
         bytes[16] = bytes[16].wrapping_add(1);
@@ -356,7 +358,7 @@ impl Hands for Unlucky {
         std::fs::write(stage.path(), bytes).unwrap();
         let error = do_task(&stage.path(), 2, LIMITS, &Silent).unwrap_err();
         assert!(error.to_string().contains("made by another drystone"), "{error}");
-        Ok(HandsEnd::Unsure)
+        Ok(HandsEnd::Unsure { exit_code: Some(7) })
     }
 
     fn patience(&self) -> Duration {
@@ -371,7 +373,7 @@ struct Forgetful;
 impl Hands for Forgetful {
     fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<HandsEnd> {
         stage.tasks().iter().for_each(|task| std::fs::write(stage.file_of(task, "taken"), "").unwrap());
-        Ok(HandsEnd::Unsure)
+        Ok(HandsEnd::Unsure { exit_code: Some(7) })
     }
 
     fn patience(&self) -> Duration {

@@ -17,7 +17,10 @@ pub enum HandsEnd {
     /// All are done; on a shared disk their results may take time to appear.
     Done,
     /// Some may not be done.
-    Unsure,
+    Unsure {
+        /// Exit code of what had them done, if that was a program.
+        exit_code: Option<i32>,
+    },
 }
 
 /// Has tasks of stages done, wherever that is: [`do_task`](crate::pipeline::do_task) does one.

@@ -20,7 +20,7 @@ use super::results::{RESULTS, ResultFrame, TaskContents};
 use super::stage_file::{Order, Stage, StageTask};
 use crate::base::lock::lock;
 use crate::base::threads::start;
-use crate::base::{Error, ErrorKind, Progress, Result, counted};
+use crate::base::{Error, Progress, Result, counted};
 use crate::file::name::is_file_name;
 use crate::job::WorkFolder;
 use crate::job::names::is_phase_file;
@@ -92,7 +92,8 @@ impl WorkFolder {
     /// computed from, if there is one.
     ///
     /// # Errors
-    /// [`Error::Elsewhere`] if a task cannot be done; [`Error::Stopped`]; on a full disk, failed reads and writes.
+    /// [`Error::Task`] or [`Error::Elsewhere`] if a task cannot be done; [`Error::Stopped`]; on a full disk, failed reads
+    /// and writes.
     pub fn lend(
         &self,
         lending: &Lending,
@@ -200,16 +201,21 @@ fn have_done(lending: &Lending, stage: &Stage, wanted: &[usize], progress: &dyn 
         if let Some((task, failure)) = missing.final_failure() {
             return Err(failure.into_error(task));
         }
-        lent?;
+        let end = lent?;
         let all = counted(wanted.len() as u64, "task");
         let count = missing.tasks.len();
         let have = if count == 1 { "has" } else { "have" };
         progress.tell(&format!("{count} of {all} {have} no result after try {tried} of {}", lending.tries));
         if tried >= lending.tries {
-            let what = format!("task {first} of {all} has no result after {tried} tries");
+            let tries = if tried == 1 { "1 try".to_owned() } else { format!("{tried} tries") };
+            let what = format!("task {first} of {all} has no result after {tries}");
             let error = missing.first_failure().map(|(task, failure)| failure.into_error(task));
             let message = error.map_or(what.clone(), |error| format!("{what}; {error}"));
-            return Err(Error::Elsewhere { kind: ErrorKind::Io, message });
+            let exit_code = match end {
+                HandsEnd::Done => None,
+                HandsEnd::Unsure { exit_code } => exit_code,
+            };
+            return Err(Error::Task { task: first, exit_code, message });
         }
         tried += 1;
     }

@@ -68,9 +68,9 @@ impl Hands for TaskRunner {
             Some(code) if UNKNOWN.contains(&code) => {
                 Err(Error::Usage(format!("`task_runner`: the shell cannot run it (exit code {code})")))
             }
-            _ => {
+            exit_code => {
                 progress.tell(&format!("the task runner ended with {}", ended_with(status)));
-                Ok(HandsEnd::Unsure)
+                Ok(HandsEnd::Unsure { exit_code })
             }
         }
     }
