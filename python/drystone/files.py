@@ -154,6 +154,10 @@ def tile(
 
 OF_PLAN = {"machines", "shared_bandwidth", "exclude", "memory", "threads", "work"}
 TARGETS = {"ratio", "face_count", "max_error"}
+# These make no difference to a plan: it takes them so that one dict of options serves both calls.
+OF_RUN = {"resume", "keep_work", "no_sync", "task_runner", "hands", "tasks", "task_tries", "force"}
+OF_RESULT = {"report", "measure", "samples", "seed", "strict"}
+OF_TILES = {"tile_faces", "tile_side", "image", "compress"}
 
 
 @overload
@@ -170,6 +174,19 @@ def plan(
     work: PathLike | None = None,
     machines: int | None = None,
     shared_bandwidth: Size | None = None,
+    resume: Resume = "auto",
+    keep_work: bool = False,
+    no_sync: bool = False,
+    task_runner: str | None = None,
+    hands: Hands | None = None,
+    tasks: int | None = None,
+    task_tries: int | None = None,
+    force: bool = False,
+    report: PathLike | Sequence[PathLike] = (),
+    measure: bool = False,
+    samples: int | None = None,
+    seed: int | None = None,
+    strict: bool = False,
     progress: Progress = None,
     stop: _native.Stop | None = None,
     **options: Unpack[FileOptions],
@@ -189,6 +206,14 @@ def plan(
     work: PathLike | None = None,
     machines: int | None = None,
     shared_bandwidth: Size | None = None,
+    resume: Resume = "auto",
+    keep_work: bool = False,
+    no_sync: bool = False,
+    task_runner: str | None = None,
+    hands: Hands | None = None,
+    tasks: int | None = None,
+    task_tries: int | None = None,
+    force: bool = False,
     progress: Progress = None,
     stop: _native.Stop | None = None,
 ) -> TilePlan: ...
@@ -202,13 +227,17 @@ def plan(
 ) -> Plan | TilePlan:
     """Predicts what `simplify`, or with `tile=True` what `tile`, takes: memory, scratch space, time.
 
-    Reads the input once and writes nothing. Takes the options of these calls that shape the job.
+    Reads the input once and writes nothing. Takes the options of `simplify`, also those that make no difference to a
+    plan; with `tile=True`, those of `tile` that shape its levels.
     """
-    of_kind = {"tile_faces", "tile_side", "image", "compress"} if tile else FILE_KEYS | TARGETS
-    refuse_unknown("plan", options, of_kind | OF_PLAN)
-    options = dict(options, exclude=texts(options.get("exclude", ())), work=_path(options.get("work")))
-    arguments = ["plan", *(["--tile"] if tile else []), *flags(options), "--", *paths(input)]
-    _, value = call(arguments, progress, stop)
+    of_kind = OF_TILES if tile else FILE_KEYS | TARGETS | OF_RESULT
+    refuse_unknown("plan", options, of_kind | OF_PLAN | OF_RUN)
+    given = {name: value for name, value in options.items() if name not in ("hands", "strict")}
+    for name, read in {"exclude": texts, "work": _path, "report": paths}.items():
+        if name in given:
+            given[name] = read(given[name])
+    arguments = ["plan", *(["--tile"] if tile else []), *flags(given), "--", *paths(input)]
+    _, value = call(arguments, progress, stop, options.get("hands"))
     _warn(value["warnings"])
     return TilePlan.from_dict(value) if tile else Plan.from_dict(value)
 

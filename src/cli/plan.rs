@@ -6,10 +6,12 @@ use clap::Args;
 use serde::Serialize;
 
 use super::answer::CommandAnswer;
+use super::compare::SamplingArguments;
 use super::flags::{SimplifyFlags, heading};
 use super::input::InputArguments;
 use super::print::{print, print_json};
 use super::progress::{tell, told};
+use super::simplify::Format;
 use crate::base::{Error, Progress, Result, bytes, quantity};
 use crate::options::{SimplifyOptions, TileCompression, TileOptions};
 use crate::pipeline;
@@ -22,6 +24,7 @@ pub struct PlanArguments {
     /// Plan a pyramid of tiles, as `drystone tile` makes it; --image as there
     #[arg(long, help_heading = heading::TARGET)]
     #[arg(conflicts_with_all = ["ratio", "faces", "max_error", "remesh", "textures", "texels", "atlas"])]
+    #[arg(conflicts_with_all = ["report", "measure", "format"])]
     tile: bool,
     /// With --tile: triangles of a tile at most, 100 to 1 million
     #[arg(long, value_name = "COUNT", default_value_t = TileOptions::default().tile_faces, requires = "tile")]
@@ -49,12 +52,39 @@ pub struct PlanArguments {
     flags: SimplifyFlags,
     #[command(flatten)]
     input: InputArguments,
+    #[command(flatten)]
+    of_run: RunArguments,
     /// Print JSON
     #[arg(long)]
     json: bool,
     /// Print the plan and errors only
     #[arg(short, long)]
     quiet: bool,
+}
+
+/// Options of `drystone simplify` that change nothing in a plan: it takes them so that one list of options serves both.
+#[derive(Debug, Args)]
+struct RunArguments {
+    /// As `drystone simplify` takes it; a plan writes no report
+    #[arg(long, value_name = "FILE", help_heading = heading::REPORT, hide_short_help = true)]
+    report: Vec<PathBuf>,
+    /// As `drystone simplify` takes it; its time is not planned
+    #[arg(long, help_heading = heading::REPORT, hide_short_help = true)]
+    measure: bool,
+    #[command(flatten)]
+    sampling: SamplingArguments,
+    /// As `drystone simplify` takes it; json is --json
+    #[arg(long, value_enum, value_name = "FORM", default_value_t = Format::Text, help_heading = heading::REPORT)]
+    #[arg(hide_short_help = true)]
+    format: Format,
+}
+
+impl RunArguments {
+    /// Checks them as a run would.
+    fn check(&self) -> Result<()> {
+        self.sampling.check()?;
+        self.report.iter().try_for_each(|path| report::ReportKind::of(path).map(drop))
+    }
 }
 
 impl PlanArguments {
@@ -81,6 +111,7 @@ impl PlanArguments {
 
     fn plan(&self, progress: &dyn Progress) -> Result<Plan> {
         self.check_machines()?;
+        self.of_run.check()?;
         let plan = plan::plan(self.input.choice(), &self.options(), progress)?;
         Ok(match self.machines {
             Some(machines) => plan.on_machines(machines, self.shared_bandwidth),
@@ -108,7 +139,7 @@ impl PlanArguments {
         if !self.quiet {
             report::warning_lines(warnings, "--json lists them").iter().for_each(|line| tell(line));
         }
-        if self.json { print_json(plan) } else { print(table) }
+        if self.json || self.of_run.format == Format::Json { print_json(plan) } else { print(table) }
     }
 }
 
@@ -160,6 +191,20 @@ mod tests {
     struct PlanAlone {
         #[command(flatten)]
         arguments: PlanArguments,
+    }
+
+    #[test]
+    fn a_plan_takes_the_options_of_a_run_and_writes_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let report = folder.path().join("town.json");
+        let run =
+            ["--report", report.to_str().unwrap(), "--measure", "--samples", "5000", "--seed", "4", "--format", "json"];
+        let job = ["--force", "--resume", "never", "--keep-work", "--no-sync"];
+        let arguments = [&["drystone", "fixtures/town/town.obj", "--ratio", "0.1"], &run[..], &job].concat();
+        assert!(PlanAlone::parse_from(arguments).arguments.plan(&Silent).is_ok());
+        assert!(!report.exists());
+        let odd = ["drystone", "fixtures/town/town.obj", "--ratio", "0.1", "--report", "town.txt"];
+        assert!(PlanAlone::parse_from(odd).arguments.plan(&Silent).is_err());
     }
 
     #[test]

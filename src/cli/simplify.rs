@@ -78,9 +78,9 @@ pub struct SimplifyArguments {
     json: bool,
 }
 
-/// Form of the summary on stdout.
+/// Form of what a command prints on stdout.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Format {
+pub enum Format {
     /// Lines of `key: value`, numbers without blanks
     Text,
     /// The report, as one JSON object
