@@ -1,4 +1,4 @@
-//! Tells the program its commit and its target, for `--version`. Works without git and outside a repository.
+//! Tells the program its commit, its date and its target, for `--version`. Works without git and outside a repository.
 
 use std::path::Path;
 use std::process::Command;
@@ -7,11 +7,18 @@ fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     let target = std::env::var("TARGET").unwrap_or_default();
     let is_release = std::env::var("PROFILE").is_ok_and(|profile| profile == "release");
-    let build = match is_release.then(|| commit().or_else(packaged_commit)).flatten() {
-        Some(commit) => format!("commit {commit}, {target}"),
-        None => target,
+    let of_git = is_release.then(commit).flatten();
+    // A packaged crate does not know the date: it is no part of what tells builds apart.
+    let date = of_git.as_ref().and_then(|_| git(&["show", "--no-patch", "--format=%cs", "HEAD"]));
+    let (build, dated) = match of_git.or_else(|| is_release.then(packaged_commit).flatten()) {
+        Some(commit) => {
+            let words = date.map_or_else(|| commit.clone(), |date| format!("{commit}, {date}"));
+            (format!("commit {commit}, {target}"), format!("commit {words}, {target}"))
+        }
+        None => (target.clone(), target),
     };
     println!("cargo:rustc-env=DRYSTONE_BUILD={build}");
+    println!("cargo:rustc-env=DRYSTONE_DATED_BUILD={dated}");
 }
 
 /// The commit of the repository whose top is this package; `None` in a packaged crate, or inside another repository.
