@@ -183,6 +183,10 @@ def test_events_come_in_order_and_reach_their_ends(tmp_path, large):
     assert phases[0].phase == "scan" and {"simplify", "partition", "write"} <= {event.phase for event in phases}
     assert all(0 <= event.done and (event.total == 0 or event.done <= event.total) for event in events)
     assert any(event.message and "pass 1" in event.message for event in events)
+    # A phase whose units are not known has an event at its end, too.
+    groups = [(phase, list(group)) for phase, group in itertools.groupby(phases, lambda event: event.phase)]
+    unknown = {phase: len(group) for phase, group in groups if group[0].total == 0}
+    assert {"partition", "measure"} <= unknown.keys() and min(unknown.values()) >= 2, unknown
 
 
 def test_each_thread_gets_the_events_of_its_own_call(tmp_path):
@@ -300,19 +304,48 @@ def _count_while(condition) -> int:
     return count
 
 
-@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="needs two processors")
-def test_other_threads_run_meanwhile(tmp_path, large):
-    end = time.monotonic() + 1.0
-    alone = _count_while(lambda: time.monotonic() < end)
+ELSEWHERE = """
+import sys, drystone
+drystone.simplify(sys.argv[1], sys.argv[2], ratio=0.05, threads=1, force=True, resume="never",
+                  progress=lambda event: print(event.phase, flush=True))
+"""
+
+
+def _count_for(seconds: float) -> int:
+    end = time.monotonic() + seconds
+    return _count_while(lambda: time.monotonic() < end)
+
+
+def _counts_beside_a_job(large: Path, output: Path) -> float:
+    """What a thread counts beside a job of this process, as a share of what it counts beside a job of another one.
+
+    Both jobs take as much of the machine; only that of this process could hold the lock of its interpreter.
+    """
+    command = [sys.executable, "-c", ELSEWHERE, large, output]
+    other = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    assert other.stdout is not None and other.stdout.readline() == "scan\n"
+    apart = _count_for(0.5)
+    assert other.poll() is None
+    other.kill()
+    other.communicate()
+    begun = threading.Event()
+    listen = lambda event: begun.set()
     with ThreadPoolExecutor(1) as pool:
-        job = pool.submit(drystone.simplify, large, tmp_path / "a.obj", ratio=0.05, threads=1)
-        time.sleep(0.2)
-        end = time.monotonic() + 1.0
-        beside = _count_while(lambda: time.monotonic() < end)
+        options = dict(ratio=0.05, threads=1, force=True, resume="never", progress=listen)
+        job = pool.submit(drystone.simplify, large, output, **options)
+        assert begun.wait(30)
+        beside = _count_for(0.5)
         assert not job.done()
         job.result()
-    # The machine may be busy with other work: what a lock held by the job would leave is next to nothing.
-    assert beside > 0.1 * alone
+    return beside / apart
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="needs two processors")
+def test_other_threads_run_meanwhile(tmp_path, large):
+    # Other work on the machine disturbs a try, and hardly all of them.
+    tries = (_counts_beside_a_job(large, tmp_path / "a.obj") for _ in range(5))
+    shares = list(itertools.takewhile(lambda share: share < 0.8, tries))
+    assert len(shares) < 5, shares
 
 
 def test_two_jobs_at_once(tmp_path, large):
@@ -440,6 +473,28 @@ def test_the_current_folder_may_change_meanwhile(tmp_path, monkeypatch):
     listen = lambda event: os.chdir(tmp_path / "elsewhere")
     report = drystone.simplify("town.obj", "out.obj", ratio=0.1, work="work", progress=listen)
     assert (tmp_path / "out.obj").exists() and report.faces.output == 1821
+
+
+SUBINTERPRETER = """
+try:
+    import _interpreters
+except ImportError:
+    import _xxsubinterpreters as _interpreters
+import sys, drystone
+code = f"import sys; sys.path[:] = {sys.path!r}" + '''
+try:
+    import drystone
+except ImportError as error:
+    print(error, flush=True)
+'''
+_interpreters.run_string(_interpreters.create(), code)
+"""
+
+
+@pytest.mark.skipif(sys.version_info < (3, 12), reason="older ones do not ask a module")
+def test_a_subinterpreter_is_refused_with_words():
+    done = subprocess.run([sys.executable, "-c", SUBINTERPRETER], capture_output=True, text=True)
+    assert "does not support loading in subinterpreters" in done.stdout, done.stderr
 
 
 def _faces(ratio: float) -> int:
