@@ -9,13 +9,14 @@ import contextlib
 import io
 import subprocess
 import sys
+import tomllib
 import typing
 from pathlib import Path
 
 import pytest
 
 import drystone
-from conftest import ROOT
+from conftest import ROOT, TOWN
 from drystone import options
 
 GUIDES = ROOT / "docs" / "guide"
@@ -47,6 +48,19 @@ def test_the_guide_runs_and_prints_what_it_shows(tmp_path, monkeypatch):
             assert code == printed
     assert count >= 8 and (tmp_path / "hills.png").stat().st_size > 10_000
     assert (GUIDE.parent / "python-hills.png").exists()
+
+
+def test_the_guide_installs_what_its_code_imports():
+    (line,) = (line for _, code in blocks(GUIDE) for line in code.splitlines() if "install ./python" in line)
+    project = tomllib.loads((PACKAGE / "pyproject.toml").read_text())["project"]
+    brought = {re.split(r"[^\w-]", requirement)[0] for requirement in project["dependencies"]}
+    brought |= set(line.split("install ")[1].split()) - {"./python"}
+    codes = [ast.parse(code) for language, code in blocks(GUIDE) if language == "python"]
+    nodes = [node for code in codes for node in ast.walk(code)]
+    names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    names |= {node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.module}
+    needed = {name.split(".")[0] for name in names} - set(sys.stdlib_module_names) - {"drystone"}
+    assert len(needed) >= 3 and needed <= brought
 
 
 def test_the_guide_names_everything_public():
@@ -139,16 +153,26 @@ OF_TERMINALS = {"help", "version", "json", "quiet", "format", "output"}
 OF_PYTHON = {"hands", "progress", "stop", "strict", "options", "input", "output", "tile"}
 
 
-# A plan takes them on the command line, and writes nothing that they could change.
-OF_RUNS = {"resume", "keep_work", "no_sync", "task_runner", "tasks", "task_tries", "force"}
-
-
 @pytest.mark.parametrize("name", ["simplify", "tile", "plan", "compare", "inspect", "check"])
 def test_keywords_are_the_options_of_the_command(name):
     found = set().union(*map(keywords_of, forms_of(getattr(drystone, name)))) - OF_PYTHON
     positional = {"compare": {"original", "result"}, "check": {"mesh"}}.get(name, set())
-    left_out = OF_TERMINALS | ({"tile"} | OF_RUNS if name == "plan" else set())
+    left_out = OF_TERMINALS | ({"tile"} if name == "plan" else set())
     assert {KEYWORDS.get(keyword, keyword) for keyword in found - positional} == flags_of(name) - left_out
+
+
+def test_one_dict_of_options_serves_simplify_and_plan(tmp_path):
+    every = keywords_of(drystone.simplify) - {"input", "output", "options"}
+    assert every <= keywords_of(forms_of(drystone.plan)[0])
+    options = dict(
+        ratio=0.1, force=True, resume="never", keep_work=True, no_sync=True, tasks=4, task_tries=2, strict=True,
+        hands=lambda stage, count, is_stopped: None, report=tmp_path / "a.json", measure=True, samples=2000, seed=3,
+        work=tmp_path / "work", memory="256MiB", threads=2, cluster_faces=50_000, textures="bake",
+    )  # fmt: skip
+    planned = drystone.plan(TOWN, **options)
+    assert list(tmp_path.iterdir()) == []
+    report = drystone.simplify(TOWN, tmp_path / "a.obj", **options)
+    assert report.faces.target == planned.target and (tmp_path / "a.json").exists()
 
 
 @pytest.mark.parametrize("of_tiles", [False, True])
@@ -238,9 +262,10 @@ def test_mistakes_are_seen_by_a_checker_of_types(tmp_path):
     assert {int(line.split(":")[1]) for line in done.stdout.splitlines() if ": error:" in line} == {2, 3, 4, 5}
 
 
-def test_the_stub_is_that_of_the_native_module(tmp_path):
+def test_the_types_are_those_of_the_package_as_it_runs(tmp_path):
     pytest.importorskip("mypy")
-    command = [sys.executable, "-m", "mypy.stubtest", "drystone._native"]
+    settings = ["--mypy-config-file", PACKAGE / "pyproject.toml", "--allowlist", PACKAGE / "tests" / "stubtest.txt"]
+    command = [sys.executable, "-m", "mypy.stubtest", "drystone", *settings]
     # From elsewhere: the sources in the checkout need not be built.
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
