@@ -5,6 +5,7 @@ import subprocess
 import sys
 import tarfile
 import tomllib
+import zipfile
 
 import pytest
 
@@ -91,6 +92,22 @@ def test_every_shell_completes_every_command(drystone, commands, shell):
     script = drystone("completions", shell).stdout
     assert all(name in script for name in commands)
     assert "max-error" in script
+
+
+@pytest.mark.parametrize("target", ["x86_64-unknown-linux-gnu", "x86_64-pc-windows-msvc"])
+def test_binstall_asks_for_the_archive_of_a_release(manifest, target, tmp_path):
+    entry = manifest["package"]["metadata"]["binstall"]
+    entry = entry | entry["overrides"].get(target, {})
+    release = building.Release("1.2.3", target, "0" * 40, 1_700_000_000)
+    (tmp_path / release.program.name).write_text("program")
+    archive = building.archive(release, tmp_path, tmp_path)
+    values = {"repo": "https://forge", "name": "drystone", "version": "1.2.3", "target": target, "bin": "drystone"}
+    values |= {"archive-suffix": {"tgz": ".tar.gz", "zip": ".zip"}[entry["pkg-fmt"]]}
+    values |= {"binary-ext": release.program.suffix}
+    filled = lambda text: re.sub(r"\{ ([a-z-]+) \}", lambda match: values[match[1]], text)
+    assert filled(entry["pkg-url"]) == f"https://forge/releases/download/v1.2.3/{archive.name}"
+    opened = zipfile.ZipFile(archive).namelist() if archive.suffix == ".zip" else tarfile.open(archive).getnames()
+    assert opened == [filled(entry["bin-dir"])]
 
 
 def test_the_debian_package_takes_files_that_are_made(manifest):
