@@ -41,6 +41,10 @@ One mesh in numpy arrays, simplified to {share:.0%} of its triangles with the de
 * *Colour*: root mean square of the difference of colours, 0 to 255, result to input and input to
   result;
 * *Open edges*: of the result; the input's are in the heading.
+
+Rows compare like for like that keep the same: those with texture with *drystone*, those without
+with *drystone, positions alone*. *New textures* does more than any other row: it paints images for
+the result, so that seams do not hold the mesh.
 """
 
 
@@ -78,6 +82,33 @@ def library_of(source):
     return next((line.split(None, 1)[1].strip() for line in lines), None)
 
 
+def images_of(source, names):
+    """The image of each material, as arrays by material; none where a material has none."""
+    from PIL import Image
+
+    library = library_of(source)
+    if library is None:
+        return {}
+    folder = Path(source).parent
+    text = (folder / library).read_text(encoding="latin-1")
+    image = {part.split("\n")[0].strip(): part.split("map_Kd")[1].split("\n")[0].strip()
+             for part in text.split("newmtl ")[1:] if "map_Kd" in part}  # fmt: skip
+    if not names or not set(names) <= image.keys():
+        return {}
+    return {number: np.asarray(Image.open(folder / image[name]).convert("RGB")) for number, name in enumerate(names)}
+
+
+def write_images(folder, found):
+    """Writes new images and their materials; returns the names of these and the library."""
+    from PIL import Image
+
+    names = [f"baked{number}" for number in range(sum(key.startswith("texture_") for key in found))]
+    for number, name in enumerate(names):
+        Image.fromarray(found[f"texture_{number}"]).save(folder / f"{name}.png")
+    (folder / "baked.mtl").write_text("".join(f"newmtl {name}\nmap_Kd {name}.png\n" for name in names))
+    return names, "baked.mtl"
+
+
 def split(mesh):
     """Vertices, faces and uv with one texture coordinate a vertex, as tools without seams take them."""
     pairs, places = np.unique(
@@ -91,6 +122,15 @@ def by_drystone(mesh, count):
 
     found = drystone.simplify_mesh(**mesh, face_count=count)
     return {k: v for k, v in found._asdict().items() if k in ("vertices", "faces", "uv", "face_uv", "face_material") and v is not None}
+
+
+def by_drystone_baked(mesh, count):
+    import drystone
+
+    found = drystone.simplify_mesh(**mesh, face_count=count, textures="bake")
+    images = {f"texture_{number}": image for number, image in enumerate(found.textures)}
+    kept = {k: getattr(found, k) for k in ("vertices", "faces", "uv", "face_uv", "face_material")}
+    return {k: v for k, v in kept.items() if v is not None} | images
 
 
 def by_drystone_bare(mesh, count):
@@ -197,6 +237,7 @@ def saved_by_pymeshlab(meshes):
 # Name of the row, distribution, call, and what is kept of a texture and of materials.
 TOOLS = [
     ("drystone", "drystone", by_drystone, "seams, materials"),
+    ("drystone, new textures", "drystone", by_drystone_baked, "new textures"),
     ("PyMeshLab, with texture", "pymeshlab", by_pymeshlab_uv, "seams, materials"),
     ("PyVista (VTK), with texture", "pyvista", by_pyvista_uv, "of split vertices"),
     ("drystone, positions alone", "drystone", by_drystone_bare, "–"),
@@ -208,7 +249,7 @@ TOOLS = [
     ("pyfqmr", "pyfqmr", by_pyfqmr, "–"),
 ]
 # Rows of meshes with texture coordinates alone.
-NEED_TEXTURE = {by_pymeshlab_uv, by_pyvista_uv, by_drystone_bare}
+NEED_TEXTURE = {by_pymeshlab_uv, by_pyvista_uv, by_drystone_bare, by_drystone_baked}
 
 
 def write_obj(path, mesh, names, library):
@@ -237,11 +278,18 @@ def child(tool, arrays, count, out):
     small = {"vertices": np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]), "faces": np.array([[0, 1, 2], [0, 2, 3]])}
     small |= {"uv": small["vertices"][:, :2], "face_uv": small["faces"]} if "uv" in mesh else {}
     small |= {"face_material": np.zeros(2, int)} if "face_material" in mesh else {}
+    if call is by_drystone_baked:
+        image = np.zeros((8, 8, 3), np.uint8)
+        small["texture"] = {0: image} if "face_material" in mesh else image
     try:
         # Imports are not timed.
         call(prepare(small), 2)
     except Exception:
         pass
+    if call is by_drystone_baked:
+        images = dict(np.load(Path(arrays).with_name("images.npz")))
+        images = {int(number): image for number, image in images.items()}
+        mesh["texture"] = images if "face_material" in mesh else images[0]
     prepared = prepare(mesh)
     with open("/proc/self/clear_refs", "w") as peak:
         peak.write("5")
@@ -280,13 +328,14 @@ def rows(name, source, folder):
     arrays = folder / "arrays.npz"
     np.savez(arrays, **mesh)
     count = round(RATIO * len(mesh["faces"]))
-    library = library_of(source)
+    library, images = library_of(source), images_of(source, names)
+    np.savez(folder / "images.npz", **{str(number): image for number, image in images.items()})
     before = drystone.inspect(source).topology
     yield f"\n## {name}: {len(mesh['faces']):,} triangles, {before.boundary_edges:,} open edges\n"
     yield "| Tool | Version | Keeps | Triangles | Seconds | MiB | RMS | Largest | Colour | Open edges |"
     yield "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
     for number, (tool, package, call, keeps) in enumerate(TOOLS):
-        if call in NEED_TEXTURE and "uv" not in mesh:
+        if call in NEED_TEXTURE and "uv" not in mesh or call is by_drystone_baked and not images:
             continue
         try:
             version = importlib.metadata.version(package)
@@ -303,7 +352,10 @@ def rows(name, source, folder):
         for entry in Path(source).resolve().parent.iterdir():
             if not (folder / entry.name).exists():
                 (folder / entry.name).symlink_to(entry)
-        write_obj(result, found, names if has_names else [], library if has_names else None)
+        if call is by_drystone_baked:
+            write_obj(result, found, *write_images(folder, found))
+        else:
+            write_obj(result, found, names if has_names else [], library if has_names else None)
         compared = drystone.compare(source, result, samples=SAMPLES)
         scale = 1e4 / compared.geometry.diagonal
         both, texture = compared.geometry.symmetric, compared.texture
