@@ -162,6 +162,12 @@ def test_the_bill_of_materials_names_no_crate_that_is_not_compiled():
     assert bill["dependencies"] == [{"ref": "ref drystone", "dependsOn": ["ref used"]}, {"ref": "ref used", "dependsOn": []}]
 
 
+def test_the_glibc_that_a_program_needs_is_the_newest_that_it_names():
+    program = b"GLIBC_2.40 in words\0GLIBC_2.2.5\0GLIBC_2.28\0GLIBC_2.4\0GLIBC_PRIVATE\0"
+    assert building.newest_glibc(program) == (2, 28) <= building.version_parts(building.OLDEST_GLIBC)
+    assert building.newest_glibc(b"static") == (0,)
+
+
 def test_an_archive_does_not_depend_on_times_modes_and_the_folder(tmp_path):
     release = building.Release("1.2.3", "x86_64-unknown-linux-gnu", "0" * 40, 1_700_000_000)
     archives = []

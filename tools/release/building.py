@@ -5,10 +5,12 @@ import hashlib
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tarfile
+import venv
 import zipfile
 from dataclasses import dataclass
 from email.utils import formatdate
@@ -20,6 +22,11 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 # Versions that the files are made with: others may give other bytes.
 TOOLS = {"auditable": "0.7.7", "cyclonedx": "0.5.9"}
 DEBIAN_TOOLS = {"deb": "3.8.0"}
+# maturin builds the wheel; zig links with an older glibc than this machine's, for cargo by cargo-zigbuild; the others look
+# at the wheel.
+PYTHON_TOOLS = {"maturin": "1.16.0", "ziglang": "0.17.1", "cargo-zigbuild": "0.24.1", "auditwheel": "6.8.2", "abi3audit": "0.0.26"}
+# The oldest glibc that a program for Linux runs with.
+OLDEST_GLIBC = "2.28"
 # Shells, and the name under which each finds its completions.
 COMPLETIONS = {
     "bash": "drystone.bash",
@@ -47,6 +54,10 @@ class Release:
     @property
     def name(self):
         return f"drystone-{self.version}-{self.target}"
+
+    @property
+    def needs_glibc(self):
+        return self.target.endswith("linux-gnu")
 
     @property
     def built(self):
@@ -120,12 +131,42 @@ def environment(release):
     }
 
 
+def environment_of_tools():
+    """The folder of programs of a virtual environment that has the tools of Python's registry."""
+    folder, tools = target_folder() / "release-venv", [f"{name}=={version}" for name, version in PYTHON_TOOLS.items()]
+    programs = folder / ("Scripts" if os.name == "nt" else "bin")
+    stamp = folder / "tools.txt"
+    if not stamp.exists() or stamp.read_text() != "\n".join(tools):
+        venv.create(folder, with_pip=True, clear=True)
+        run(programs / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *tools)
+        stamp.write_text("\n".join(tools))
+    return programs
+
+
 def compile_program(release, variables):
+    """Compiles the program; where it needs glibc, for the oldest one, and refuses it if it asks for a newer one."""
     run("cargo", "fetch", "--locked", "--quiet", "--target", release.target)
     # Fetching may have made the registry's folder.
     variables |= environment(release)
-    command = ["cargo", "auditable", "build", "--locked", "--profile", "dist", "--bin", "drystone"]
-    run(*command, "--target", release.target, env=variables)
+    build, target = "build", release.target
+    if release.needs_glibc:
+        build, target = "zigbuild", f"{target}.{OLDEST_GLIBC}"
+        variables = variables | {"PATH": f"{environment_of_tools()}{os.pathsep}{os.environ['PATH']}"}
+    command = ["cargo", "auditable", build, "--locked", "--profile", "dist", "--bin", "drystone"]
+    run(*command, "--target", target, env=variables)
+    asked = newest_glibc(release.program.read_bytes())
+    if release.needs_glibc and asked > version_parts(OLDEST_GLIBC):
+        raise ReleaseError(f"the program asks for glibc {'.'.join(map(str, asked))}, not {OLDEST_GLIBC}")
+
+
+def version_parts(text):
+    return tuple(map(int, text.split(".")))
+
+
+def newest_glibc(program):
+    """The newest version of glibc of which the bytes of a program name symbols."""
+    named = re.findall(rb"\0GLIBC_([0-9]+(?:\.[0-9]+)+)(?=\0)", program)
+    return max((version_parts(version.decode()) for version in named), default=(0,))
 
 
 def gather(release):
@@ -168,8 +209,8 @@ def build_note(release):
     lines = [f"commit: {release.commit}", f"target: {release.target}"]
     lines += [printed("rustc", "--version"), printed("cargo", "--version")]
     lines += [f"cargo-{tool} {version}" for tool, version in TOOLS.items()]
-    if "linux" in release.target:
-        lines += [printed("cc", "--version").splitlines()[0], printed("ld", "--version").splitlines()[0]]
+    if release.needs_glibc:
+        lines += [f"{tool} {PYTHON_TOOLS[tool]}" for tool in ("ziglang", "cargo-zigbuild")] + [f"glibc {OLDEST_GLIBC}"]
     return "\n".join([*lines, "again: python3 tools/release, in a checkout of the commit", ""])
 
 

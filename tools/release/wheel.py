@@ -9,29 +9,22 @@ import shutil
 import subprocess
 import sys
 import tarfile
-import venv
 import zipfile
 
 import licences
-from building import REPOSITORY, ReleaseError, linked_crates, printed, run, target_folder
+from building import (
+    OLDEST_GLIBC,
+    REPOSITORY,
+    ReleaseError,
+    environment_of_tools,
+    linked_crates,
+    printed,
+    run,
+    target_folder,
+)
 
-# maturin builds; zig links with an older glibc than this machine's; auditwheel looks at the result.
-TOOLS = ["maturin==1.16.0", "ziglang==0.17.1", "auditwheel==6.8.2", "abi3audit==0.0.26"]
-PLATFORM = "manylinux_2_28"
 # A name that maturin takes for that of a licence.
 NOTICES = "LICENCES-OF-CRATES.txt"
-
-
-def environment_of_tools():
-    """The folder of programs of a virtual environment that has the tools."""
-    folder = target_folder() / "release-venv"
-    programs = folder / ("Scripts" if os.name == "nt" else "bin")
-    stamp = folder / "tools.txt"
-    if not stamp.exists() or stamp.read_text() != "\n".join(TOOLS):
-        venv.create(folder, with_pip=True, clear=True)
-        run(programs / "python", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *TOOLS)
-        stamp.write_text("\n".join(TOOLS))
-    return programs
 
 
 def unpack_source(package, release):
@@ -85,7 +78,8 @@ def build_wheel(release, place, variables):
     run(programs / "maturin", "sdist", "--manifest-path", manifest, "--out", place, env=variables)
     source = unpack_source(only(place, f"drystone-{release.version}.tar.gz"), release)
     command = [programs / "maturin", "build", "--locked", "--profile", "dist", "--out", place]
-    linux = ["--zig", "--compatibility", PLATFORM] if sys.platform == "linux" else []
+    platform = "manylinux_" + OLDEST_GLIBC.replace(".", "_")
+    linux = ["--zig", "--compatibility", platform] if sys.platform == "linux" else []
     run(*command, *linux, "--manifest-path", source / "python" / "Cargo.toml", env=variables)
     wheel = only(place, "drystone-*.whl")
     replace_paths(wheel, source)
@@ -93,5 +87,5 @@ def build_wheel(release, place, variables):
     if linux:
         shown = run(programs / "auditwheel", "show", wheel, stdout=subprocess.PIPE, text=True).stdout
         tag = re.search(r'platform tag: "manylinux_2_([0-9]+)_', " ".join(shown.split()))
-        if tag is None or int(tag[1]) > int(PLATFORM.rpartition("_")[2]):
-            raise ReleaseError(f"the wheel is not one for {PLATFORM}:\n{shown}")
+        if tag is None or int(tag[1]) > int(OLDEST_GLIBC.rpartition(".")[2]):
+            raise ReleaseError(f"the wheel is not one for {platform}:\n{shown}")
