@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pytest
 
+import objlib
+
 KILLS = int(os.environ.get("DRYSTONE_TASK_KILLS", "6"))
 SIDE = 160
 OPTIONS = ["--ratio", "0.2", "--cluster-faces", "1000", "--threads", "1", "--memory", "128MiB", "--quiet"]
@@ -157,6 +159,46 @@ def test_names_that_appear_late_are_waited_for(drystone, hills, expected, tmp_pa
     assert (tmp_path / "out.obj").read_bytes() == expected
     assert time.monotonic() - began > seconds
     assert names(tmp_path) == ["calls.so", "out.obj"]
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="no SIGSTOP")
+def test_a_task_that_ends_after_its_job_changes_nothing(drystone, hills, expected, tmp_path):
+    folder, begin = tmp_path / "job", tmp_path / "begin"
+    folder.mkdir()
+    arguments = command(drystone, hills, folder)
+    place = arguments.index("--task-runner") + 1
+    arguments[place] = f"while [ ! -e {shlex.quote(str(begin))} ]; do sleep 0.05; done; {arguments[place]}"
+    job = subprocess.Popen(arguments, stdin=subprocess.DEVNULL)
+    while not (found := list(folder.glob("out.obj.work/stage-*/stage.bin"))) and job.poll() is None:
+        time.sleep(0.01)
+    (stage,) = found
+    task = [drystone.binary, "task", str(stage), "0", "--threads", "1", "--memory", "128MiB", "--quiet"]
+    late = subprocess.Popen(task, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    # Its first file has a name of its own, until it is done.
+    while len(names(stage.parent)) == 1 and late.poll() is None:
+        pass
+    late.send_signal(signal.SIGSTOP)
+    assert late.poll() is None and not list(stage.parent.glob("*.results")), "the task was done before it was stopped"
+    begin.touch()
+    assert job.wait(timeout=300) == 0
+    before = [(path, path.stat().st_mtime_ns, path.stat().st_ino) for path in folder.iterdir()]
+    late.send_signal(signal.SIGCONT)
+    # It waits for its stage as for one that is seen late.
+    assert late.wait(timeout=60) == 9
+    assert before == [(path, path.stat().st_mtime_ns, path.stat().st_ino) for path in folder.iterdir()]
+    assert names(folder) == ["out.obj"] and (folder / "out.obj").read_bytes() == expected
+
+
+def test_a_pyramid_by_other_processes_has_the_same_bytes(drystone, tmp_path):
+    town = objlib.FIXTURES / "town" / "town.obj"
+    options = ["--tile-faces", "3000", "--tile-side", "1024", "--threads", "1", "--memory", "128MiB", "--quiet"]
+    alone, helped, mark = tmp_path / "alone", tmp_path / "helped", tmp_path / "lent"
+    drystone("tile", town, "-o", alone, *options)
+    by_tasks = ["--tasks", "9", "--task-runner", f"echo {{count}} >> {shlex.quote(str(mark))}; {runner(drystone)}"]
+    drystone("tile", town, "-o", helped, *options, *by_tasks)
+    assert mark.read_text().split(), "no tile was made by a task"
+    tiles = lambda folder: {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    assert tiles(alone) == tiles(helped) and names(tmp_path) == ["alone", "helped", "lent"]
 
 
 def test_a_stopped_job_ends_its_tasks_and_goes_on(drystone, hills, expected, tmp_path):
