@@ -25,6 +25,9 @@ MACHINES = 3
 LATE_SECONDS = 6
 # A job is divided into more clusters than its size asks for, so that there is something to lend.
 OPTIONS = ["--ratio", "0.2", "--cluster-faces", "2000", "--threads", "1", "--memory", "256MiB", "--quiet"]
+# Sizes of tiles likewise; what each command writes, and its options.
+TILE_OPTIONS = ["--tile-faces", "1000", "--tile-side", "256", *OPTIONS[4:]]
+RESULTS = {"simplify": ("out.obj", OPTIONS), "tile": ("tiles", TILE_OPTIONS)}
 TASK_OPTIONS = "--threads 1 --memory 256MiB --quiet"
 PATIENCE_SECONDS = 600
 CUT_SECONDS = 40
@@ -111,17 +114,20 @@ class Job:
     def __init__(self, stand, program, mesh):
         self.stand, self.program, self.mesh = stand, program, mesh
         self.started = []
-        self.expected = stand.folder / "expected"
-        self.expected.mkdir()
+        # What is made: by `simplify` or by `tile`.
+        self.verb = "simplify"
         inside = stand.base / "input"
         shutil.copytree(mesh.parent, inside)
-        alone = [program, "simplify", inside / mesh.name, "-o", self.expected / "out.obj", *OPTIONS]
-        subprocess.run(alone, check=True, stdout=subprocess.DEVNULL)
+        for verb, (name, options) in RESULTS.items():
+            folder = stand.folder / f"expected-{verb}"
+            folder.mkdir()
+            alone = [program, verb, inside / mesh.name, "-o", folder / name, *options]
+            subprocess.run(alone, check=True, stdout=subprocess.DEVNULL)
 
-    def start(self, machine, *more, program=None):
-        shared = self.stand.shared
-        command = [program or self.program, "simplify", shared / "input" / self.mesh.name, "-o", shared / "out/out.obj"]
-        command += ["--work", shared / "job.work", *OPTIONS, *more]
+    def start(self, machine, *more):
+        shared, (name, options) = self.stand.shared, RESULTS[self.verb]
+        command = [self.program, self.verb, shared / "input" / self.mesh.name, "-o", shared / "out" / name]
+        command += ["--work", shared / "job.work", *options, *more]
         streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
         process = subprocess.Popen(self.stand.on(machine, *command), text=True, **streams)
         self.started.append(process)
@@ -134,13 +140,14 @@ class Job:
                 process.kill()
                 process.communicate()
         self.started.clear()
+        self.verb = "simplify"
 
-    def by_tasks(self, machine, line, **more):
-        return self.start(machine, "--task-runner", line, "--tasks", "9", **more)
+    def by_tasks(self, machine, line):
+        return self.start(machine, "--task-runner", line, "--tasks", "9")
 
     def has_expected_bytes(self):
         """Whether the result is that of one process, with nothing left beside it."""
-        is_same = contents(self.expected) == contents(self.stand.base / "out")
+        is_same = contents(self.stand.folder / f"expected-{self.verb}") == contents(self.stand.base / "out")
         return is_same and not (self.stand.base / "job.work").exists()
 
 
@@ -196,16 +203,19 @@ class Cases:
 
     def lost(self):
         """Every task is killed soon after it was begun for the first time."""
-        seen = self.stand.folder / "seen"
-        seen.mkdir()
-        mark = f"{shlex.quote(str(seen))}/$2"
-        killed = self.stand.folder / "killed"
+        folder = Path(tempfile.mkdtemp(dir=self.stand.folder))
+        mark, killed = f"{shlex.quote(str(folder))}/$2", folder / "killed"
         note = f"[ $? = 137 ] && echo $2 >> {shlex.quote(str(killed))}"
         kill = f'task "$@" & sleep 0.0$2; kill -9 $!; wait $!; {note}; exit 1'
         first = f"mkdir {mark} 2>/dev/null && {{ {kill}; }}; rmdir {mark}"
         expect(0, ended(self.job.by_tasks(0, self.runner(first=first))))
         if not killed.exists():
             raise AssertionError("no task was killed")
+
+    def tile(self):
+        """Likewise, and a pyramid is made."""
+        self.job.verb = "tile"
+        self.lost()
 
     def build(self):
         """One machine has another build of the program."""
@@ -286,7 +296,7 @@ class Cases:
         return True
 
 
-NAMES = ["well", "lost", "build", "full", "second", "suspended", "cable"]
+NAMES = ["well", "lost", "tile", "build", "full", "second", "suspended", "cable"]
 
 
 def main():
