@@ -8,6 +8,7 @@ mod words;
 mod bake;
 mod bake_onto;
 mod borders_and_seams;
+mod build_id;
 mod compare;
 mod constants;
 mod determinism;

@@ -16,7 +16,7 @@ use crate::job::names::is_phase_file;
 use crate::job::step::StepKey;
 use crate::os::durable::{make_folders, no_links};
 
-/// This program; another one might write other bytes.
+/// This program, with a checksum of its sources; another one might write other bytes.
 pub const BUILD: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("DRYSTONE_BUILD"), ")");
 const KIND: [u8; 8] = *b"stage   ";
 
