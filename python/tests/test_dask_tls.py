@@ -58,5 +58,5 @@ def test_tasks_go_by_tls_to_who_has_a_certificate(cluster, certificates, tmp_pat
     drystone.simplify(TOWN, helped, **OPTIONS, task_runner=f"{runner} {files}", tasks=6)
     assert helped.read_bytes() == alone.read_bytes()
     runner = f"DASK_DISTRIBUTED__COMM__TIMEOUTS__CONNECT=3s {runner}"
-    with pytest.raises(drystone.IoError, match="has no result after 1"):
+    with pytest.raises(drystone.TaskError, match="has no result after 1"):
         drystone.simplify(TOWN, refused, **OPTIONS, task_runner=runner, tasks=6, task_tries=1)
