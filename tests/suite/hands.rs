@@ -26,6 +26,8 @@ struct Careless {
     lent_again: AtomicUsize,
     seen: Mutex<HashSet<u64>>,
     kinds: Mutex<HashSet<String>>,
+    /// Name of a task of each stage.
+    names: Mutex<Vec<String>>,
 }
 
 impl Careless {
@@ -38,6 +40,7 @@ impl Hands for Careless {
     fn lend(&self, stage: &Stage, _progress: &dyn Progress) -> Result<HandsEnd> {
         let is_first = self.seen.lock().unwrap().insert(stage.id());
         self.kinds.lock().unwrap().insert(stage.kind().to_owned());
+        self.names.lock().unwrap().push(stage.tasks()[0].key.name().to_owned());
         let mut tasks: Vec<usize> = (0..stage.tasks().len()).collect();
         tasks.sort_by(|&a, &b| self.chance(a, 1).total_cmp(&self.chance(b, 1)));
         self.lent.fetch_add(1, Ordering::Relaxed);
@@ -82,9 +85,8 @@ fn result(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     contents(folder).into_iter().filter(|(path, _)| !path.to_string_lossy().contains(".work")).collect()
 }
 
-/// Simplifies by this process alone, and with the help of others; the bytes must be the same. Returns the number of
-/// tasks that were done elsewhere.
-fn same_bytes(input: &Path, options: &SimplifyOptions, tasks: u32, seed: usize) -> usize {
+/// Simplifies by this process alone, and with the help of others; the bytes must be the same. Returns the others.
+fn help(input: &Path, options: &SimplifyOptions, tasks: u32, seed: usize) -> Arc<Careless> {
     let [alone, helped] = [(), ()].map(|()| tempfile::tempdir().unwrap());
     let expected = pipeline::simplify(input, &alone.path().join("out.obj"), options, &Silent).unwrap();
     let hands = Arc::new(Careless { seed, ..Careless::default() });
@@ -94,15 +96,25 @@ fn same_bytes(input: &Path, options: &SimplifyOptions, tasks: u32, seed: usize) 
     assert!(result(alone.path()) == result(helped.path()), "{options:?}");
     hands.check_attempts();
     assert_eq!(std::fs::read_dir(helped.path()).unwrap().count(), std::fs::read_dir(alone.path()).unwrap().count());
-    hands.done.load(Ordering::Relaxed)
+    hands
+}
+
+/// [`help`] that returns the number of tasks that were done elsewhere.
+fn same_bytes(input: &Path, options: &SimplifyOptions, tasks: u32, seed: usize) -> usize {
+    help(input, options, tasks, seed).done.load(Ordering::Relaxed)
 }
 
 #[test]
 fn tasks_in_any_order_done_twice_or_late_give_the_same_bytes() {
+    let mut stages = Vec::new();
     for (seed, tasks) in [(1, 3), (2, 7), (3, 64)] {
-        for share in [0.5, 0.05] {
-            assert!(same_bytes(&town(), &in_many_clusters(ratio(share)), tasks, seed) > 0);
+        for share in [0.5, 0.1] {
+            let hands = help(&town(), &in_many_clusters(ratio(share)), tasks, seed);
+            stages.append(&mut hands.names.lock().unwrap());
         }
+    }
+    for of in ["-clusters-0-", "-clusters-1-", "-trials-0-"] {
+        assert!(stages.iter().any(|name| name.contains(of)), "no stage of a second attempt, or of trials: {stages:?}");
     }
 }
 
@@ -479,6 +491,18 @@ impl Hands for PieceSpoiler {
     fn patience(&self) -> Duration {
         Duration::from_millis(1)
     }
+}
+
+#[test]
+fn a_piece_that_changed_on_a_disk_ends_the_job_and_the_same_call_goes_on() {
+    let [alone, helped] = [(), ()].map(|()| tempfile::tempdir().unwrap());
+    pipeline::simplify(town(), &alone.path().join("out.obj"), &in_many_clusters(ratio(0.3)), &Silent).unwrap();
+    let hands = Arc::new(PieceSpoiler::default());
+    let error = town_elsewhere(helped.path(), hands.clone()).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Damaged, "{error}");
+    assert!(hands.spoilt.load(Ordering::Relaxed) > 0 && !helped.path().join("out.obj").exists());
+    town_elsewhere(helped.path(), Arc::new(Careless::default())).unwrap();
+    assert!(result(alone.path()) == result(helped.path()));
 }
 
 #[test]
