@@ -1,10 +1,10 @@
 //! A checksum of what is made of a small mesh: processes whose processor or mathematics differ have another one, and would
 //! write other bytes.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use xxhash_rust::xxh3::Xxh3;
 
-use super::metric_engine::EngineRules;
+use super::metric_engine::{EngineRules, Simplified};
 use super::options::Cost;
 use super::stop_rule::{ClusterStop, Wanted};
 use crate::base::id::TiVec;
@@ -17,15 +17,33 @@ use crate::partition::TextureScale;
 use crate::partition::id::PartitionVertex;
 use crate::partition::reading::ClusterFaces;
 use crate::remesh::cvd::{self, CvdSettings, FrozenStatistics};
+use crate::remesh::relax;
 
 /// Vertices along a side of the mesh.
 const SIDE: u32 = 24;
 /// Faces that are left of it.
 const LEFT: u64 = 300;
+/// Vertices along a ring and across it.
+const AROUND: u32 = 40;
+const ACROSS: u32 = 6;
+/// Faces that are left of it: so few that it is cut.
+const LEFT_OF_RING: u64 = 12;
 
-/// Simplifies a small textured hill by this cost; returns a checksum of the result.
+/// Simplifies a small textured hill and a small ring by this cost, and moves the vertices that are left; returns a
+/// checksum of the results.
 pub fn of_collapses(cost: Cost) -> u64 {
-    let mesh = hill();
+    let mut hash = Xxh3::new();
+    let cutting = EngineRules { frees_topology: true, seeks_handles: true, ..EngineRules::default() };
+    for (mesh, rules, left) in [(hill(), EngineRules::default(), LEFT), (ring(), cutting, LEFT_OF_RING)] {
+        let mut left = simplified(mesh, cost, &rules, left).mesh.unwrap_or_default();
+        put(&left, &mut hash);
+        relax(&mut left);
+        put(&left, &mut hash);
+    }
+    hash.digest()
+}
+
+fn simplified(mesh: ClusterMesh, cost: Cost, rules: &EngineRules, left: u64) -> Simplified {
     let mut engine = cost.engine();
     if engine.needs_statistics() {
         let mut stats = MeshStats::default();
@@ -33,8 +51,7 @@ pub fn of_collapses(cost: Cost) -> u64 {
         engine.count(mesh.clone(), &mut stats);
         engine.normalise(&stats);
     }
-    let stop = ClusterStop::Faces(vec![0.5, 0.2], LEFT);
-    of_mesh(&engine.simplify(mesh, &EngineRules::default(), &stop, Wanted::Mesh).mesh.unwrap_or_default())
+    engine.simplify(mesh, rules, &ClusterStop::Faces(vec![0.5, 0.2, 0.1, 0.05], left), Wanted::Mesh)
 }
 
 /// Remeshes it by these settings; returns a checksum of the result.
@@ -52,11 +69,15 @@ pub fn of_any() -> u64 {
 
 fn of_mesh(mesh: &ClusterMesh) -> u64 {
     let mut hash = Xxh3::new();
+    put(mesh, &mut hash);
+    hash.digest()
+}
+
+fn put(mesh: &ClusterMesh, hash: &mut Xxh3) {
     for face in mesh.living_faces() {
         hash.update(bytemuck::cast_slice(&mesh.triangle(face).map(|p| p.to_array())));
         hash.update(bytemuck::cast_slice(&mesh.uv_triangle(face).map(|p| p.to_array())));
     }
-    hash.digest()
 }
 
 /// A small textured hill.
@@ -76,9 +97,36 @@ pub fn hill() -> ClusterMesh {
             faces.push(Face { vertices, texcoords, part: PartId::new(0), ..Face::default() });
         }
     }
+    whole(faces, &positions, texcoords)
+}
+
+/// A closed ring of wire without texture: a component with a handle.
+fn ring() -> ClusterMesh {
+    let vertex = |x: u32, y: u32| PartitionVertex::new(AROUND * (y % ACROSS) + x % AROUND);
+    let [whole_turn, across] = [AROUND, ACROSS].map(|count| std::f64::consts::TAU / f64::from(count));
+    let position = |number: u32| {
+        let (s, t) = (f64::from(number % AROUND) * whole_turn, f64::from(number / AROUND) * across);
+        let out = 30.0 + libm::cos(t);
+        DVec3::new(out * libm::cos(s), out * libm::sin(s), libm::sin(t))
+    };
+    let positions: Vec<DVec3> = (0..AROUND * ACROSS).map(position).collect();
+    let mut faces = Vec::new();
+    for (x, y) in (0..ACROSS).flat_map(|y| (0..AROUND).map(move |x| (x, y))) {
+        let [a, b, c, d] = [vertex(x, y), vertex(x + 1, y), vertex(x + 1, y + 1), vertex(x, y + 1)];
+        let of = |vertices| Face { vertices, part: PartId::new(0), ..Face::default() };
+        faces.extend([[a, b, c], [a, c, d]].map(of));
+    }
+    whole(faces, &positions.into(), Vec::new())
+}
+
+fn whole(
+    faces: Vec<Face<PartitionVertex>>,
+    positions: &TiVec<PartitionVertex, DVec3>,
+    texcoords: Vec<DVec2>,
+) -> ClusterMesh {
     let catalogue = Catalogue::default();
     let scale = TextureScale::none(&catalogue);
-    ClusterFaces::whole(faces, &positions, texcoords, false, false).into_whole(&catalogue, &scale).mesh
+    ClusterFaces::whole(faces, positions, texcoords, false, false).into_whole(&catalogue, &scale).mesh
 }
 
 #[cfg(test)]
@@ -91,6 +139,18 @@ mod tests {
         let cost = Cost::Surface(Weights::default());
         assert_eq!(of_collapses(cost), of_collapses(cost));
         assert_ne!(of_collapses(cost), of_collapses(Cost::Surface(Weights { uv: 0.0, ..Weights::default() })));
+    }
+
+    #[test]
+    fn the_ring_is_cut_and_what_is_left_of_the_hill_moves() {
+        let cost = Cost::Surface(Weights::default());
+        let cutting = EngineRules { frees_topology: true, seeks_handles: true, ..EngineRules::default() };
+        let cut = simplified(ring(), cost, &cutting, LEFT_OF_RING);
+        assert!(cut.changes.handles_cut > 0 && cut.faces_out <= LEFT_OF_RING, "{:?}", cut.changes);
+        let mut left = simplified(hill(), cost, &EngineRules::default(), LEFT).mesh.unwrap();
+        let before = of_mesh(&left);
+        assert!(relax(&mut left) > 10);
+        assert_ne!(before, of_mesh(&left));
     }
 
     #[test]
