@@ -3,14 +3,14 @@
 use super::cluster::{self, ClusterSource};
 use super::{Partition, TextureScale, heavy};
 use crate::base::ordered::map_within;
-use crate::base::{Progress, Result, WorkLimits};
+use crate::base::{Progress, Result};
 use crate::model::{Catalogue, StoredMesh};
 
 /// How clusters are visited.
 #[derive(Clone, Copy)]
 pub struct VisitOptions<'a> {
-    /// Threads, and memory for clusters in work.
-    pub limits: WorkLimits,
+    /// Memory for clusters in work and for what waits to be taken, in bytes.
+    pub work_bytes: u64,
     /// Memory that the visit of a cluster takes for each of its faces, in bytes.
     pub face_bytes: u64,
     /// Hears of each face.
@@ -30,7 +30,7 @@ pub fn visit<T: Send>(
     work: impl Fn(&ClusterSource) -> Result<T> + Sync,
     mut take: impl FnMut(T) -> Result<()>,
 ) -> Result<()> {
-    let VisitOptions { limits: WorkLimits { work_bytes, .. }, face_bytes, progress } = *options;
+    let VisitOptions { work_bytes, face_bytes, progress } = *options;
     let scale = TextureScale::none(catalogue);
     let advance = |faces: u64| {
         progress.advance(faces);

@@ -63,7 +63,7 @@ impl SurfaceCells {
         progress.begin("prepare", partition.total_faces(), "faces");
         let maker = CellMaker { images };
         let mut writer = CellWriter::create(&folder.join(format!("{name}-surface.cells")), DVec3::ZERO)?;
-        let options = VisitOptions { limits, face_bytes: FACE_BYTES, progress };
+        let options = VisitOptions { work_bytes: limits.work_bytes, face_bytes: FACE_BYTES, progress };
         let draft = |source: &ClusterSource| Ok(maker.draft(source, colours(source, &partition)?));
         visit(&partition, mesh, catalogue, &options, draft, |draft| writer.append(draft))?;
         let (cells, _) = writer.finish()?;

@@ -116,7 +116,7 @@ impl MeasuredMesh {
         counter.add_degenerate(dropped.get("degenerate_faces"));
         let mut writer = CellWriter::create(&work.path().join("measure-cells.bin"), reference)?;
         progress.begin("prepare", partition.total_faces(), "faces");
-        let options = VisitOptions { limits: resources.limits(), face_bytes: FACE_BYTES, progress };
+        let options = VisitOptions { work_bytes: resources.limits().work_bytes, face_bytes: FACE_BYTES, progress };
         let work_on = |source: &ClusterSource| {
             Ok((maker.draft(source, Vec::new()), count_cluster(source, &catalogue, &images.of_part)?))
         };
