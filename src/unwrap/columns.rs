@@ -13,6 +13,8 @@ use std::ops::Range;
 pub(super) struct OpenColumns {
     /// A bit for each column.
     are_open: Vec<u64>,
+    /// Words of bits, outside of which all columns are closed.
+    words: Range<usize>,
     /// Scratch: a bit for each column where one of the next cells is taken.
     ahead: Vec<u64>,
 }
@@ -25,48 +27,61 @@ impl OpenColumns {
         if !count.is_multiple_of(64) {
             self.are_open.push((1 << (count % 64)) - 1);
         }
+        self.words = 0..self.are_open.len();
     }
 
     /// Closes the columns at which a run of cells would meet a taken one. `taken` has a bit for each cell of a row, the
-    /// run is that of a chart that begins at column 0. Returns whether some column is still open.
+    /// run is that of a chart that begins at column 0 and fits the row at each open one. Returns whether some column is
+    /// still open.
     pub fn close(&mut self, taken: &[u64], run: &Range<usize>) -> bool {
-        let Self { are_open, ahead } = self;
+        let Self { are_open, words, ahead } = self;
+        // The cells of all runs that begin at an open column lie in these words and the one behind them.
+        let asked = (words.start + run.start / 64).min(taken.len());
+        let end = (words.end + run.end / 64 + 1).min(taken.len());
         ahead.clear();
-        ahead.extend_from_slice(&taken[(run.start / 64).min(taken.len())..]);
+        ahead.extend_from_slice(&taken[asked..end]);
+        ahead.push(0);
         let mut reach = 1;
         while reach < run.len() {
             let step = reach.min(run.len() - reach);
             or_shifted(ahead, step);
             reach += step;
         }
-        let mut any = 0;
-        for (at, open) in are_open.iter_mut().enumerate() {
-            *open &= !shifted(ahead, at, run.start % 64);
-            any |= *open;
+        let open = &mut are_open[words.clone()];
+        for (open, ahead) in open.iter_mut().zip(ahead.windows(2)) {
+            *open &= !shifted([ahead[0], ahead[1]], run.start % 64);
         }
-        any != 0
+        let before = open.iter().take_while(|&&open| open == 0).count();
+        let behind = open[before..].iter().rev().take_while(|&&open| open == 0).count();
+        self.words = self.words.start + before..self.words.end - behind;
+        self.words.start < self.words.end
     }
 
     /// The first open column.
     pub fn first(&self) -> Option<usize> {
-        let word = self.are_open.iter().position(|&open| open != 0)?;
+        let word = self.words.clone().next()?;
         Some(64 * word + self.are_open[word].trailing_zeros() as usize)
     }
 }
 
-/// Sets the bits that lie `by` before one that is set.
+/// Sets the bits that lie `by` before one that is set. The last word is to be 0.
 fn or_shifted(words: &mut [u64], by: usize) {
-    // Words are read at and behind the one that changes alone.
-    for at in 0..words.len() {
-        words[at] |= shifted(words, at + by / 64, by % 64);
+    if by < 64 {
+        // Mostly; by the distance of words that is known, they are shifted several at a time.
+        for at in 1..words.len() {
+            words[at - 1] |= shifted([words[at - 1], words[at]], by);
+        }
+    } else {
+        for at in by / 64 + 1..words.len() {
+            words[at - by / 64 - 1] |= shifted([words[at - 1], words[at]], by % 64);
+        }
     }
 }
 
-/// A word of bits that lie `by` columns ahead, less than 64.
+/// The first of two words, of bits that lie `by` columns ahead, less than 64.
 #[inline]
-fn shifted(words: &[u64], at: usize, by: usize) -> u64 {
-    let word = |at: usize| words.get(at).copied().unwrap_or(0);
-    if by == 0 { word(at) } else { word(at) >> by | word(at + 1) << (64 - by) }
+fn shifted(words: [u64; 2], by: usize) -> u64 {
+    words[0] >> by | words[1] << 1 << (63 - by)
 }
 
 #[cfg(test)]

@@ -57,9 +57,11 @@ pub fn pack(charts: Vec<FlatChart>, side: u32) -> Unwrapped {
     }
     // A stable sort: of equally large ones, the first stays first.
     shapes.sort_by_key(|shape| std::cmp::Reverse(shape.mask.cells));
-    let widths = widths(&shapes, side / CELL);
-    let packed = widths.into_iter().map(|width| Packed::new(&shapes, width as usize, (side / CELL) as usize));
-    let best = packed.min_by_key(Packed::cells).unwrap_or_default();
+    let smaller = |best: Option<Packed>, width| {
+        let limit = best.as_ref().map_or(u64::MAX, |best| best.cells);
+        Packed::below(limit, &shapes, [width, side / CELL]).or(best)
+    };
+    let best = widths(&shapes, side / CELL).into_iter().fold(None, smaller).unwrap_or_default();
     let placed = shapes.into_iter().zip(best.places);
     unwrapped.charts = placed.map(|(shape, (image, place))| shape.placed(image as u32, place)).collect();
     unwrapped.charts.sort_by_key(|chart| chart.image);
@@ -94,6 +96,8 @@ struct Packed {
     places: Vec<(usize, Placed)>,
     /// Width and height of each image in cells.
     images: Vec<[u32; 2]>,
+    /// Cells of all images.
+    cells: u64,
 }
 
 /// Where a chart lies, and whether it is turned by a quarter.
@@ -104,10 +108,10 @@ struct Placed {
 }
 
 impl Packed {
-    /// Packs charts into images of a width and a largest height.
-    fn new(shapes: &[Shape], width: usize, height: usize) -> Self {
+    /// Packs charts into images of a width and a largest height; `None` if they take `limit` cells or more.
+    fn below(limit: u64, shapes: &[Shape], [width, height]: [u32; 2]) -> Option<Self> {
         let mut sheets: Vec<Sheet> = Vec::new();
-        let mut places = Vec::with_capacity(shapes.len());
+        let mut packed = Self { places: Vec::with_capacity(shapes.len()), ..Self::default() };
         for shape in shapes {
             let first = sheets.len().saturating_sub(OPEN_IMAGES);
             let found = (first..sheets.len()).find_map(|image| Some((image, shape.find(&mut sheets[image])?)));
@@ -115,18 +119,21 @@ impl Packed {
                 if let Some(sheet) = sheets.len().checked_sub(OPEN_IMAGES) {
                     sheets[sheet].close();
                 }
-                sheets.push(Sheet::new([width, height]));
+                sheets.push(Sheet::new([width, height].map(|side| side as usize)));
+                packed.images.push([width, 0]);
                 (sheets.len() - 1, Placed { place: SheetPlace { row: 0, column: 0 }, is_turned: false })
             });
             sheets[image].take(if placed.is_turned { &shape.turned } else { &shape.mask }, placed.place);
-            places.push((image, placed));
+            packed.places.push((image, placed));
+            let rows = &mut packed.images[image][1];
+            let before = *rows;
+            *rows = (sheets[image].height as u32).next_multiple_of(HEIGHT_STEP / CELL).min(height);
+            packed.cells += u64::from(width) * u64::from(*rows - before);
+            if packed.cells >= limit {
+                return None;
+            }
         }
-        let tall = |sheet: &Sheet| sheet.height.max(1).next_multiple_of((HEIGHT_STEP / CELL) as usize).min(height);
-        Self { places, images: sheets.iter().map(|sheet| [width as u32, tall(sheet) as u32]).collect() }
-    }
-
-    fn cells(&self) -> u64 {
-        self.images.iter().map(|[width, height]| u64::from(*width) * u64::from(*height)).sum()
+        Some(packed)
     }
 }
 
