@@ -32,8 +32,12 @@ use crate::surface::cells::{SurfaceCells, SurfacePlace};
 const PASS_SHARE: f64 = 1.0 / 1.7;
 /// Faces that the passes end at, unless that is more than half a tile.
 const LAST_FACES: u64 = 500;
-/// Points by area on each surface for its distance from the input.
+/// Points by area on each surface for its distance from the input: at first, and if these leave it open which level a mesh
+/// is, or it is one.
+const FIRST_SAMPLES: u64 = 10_000;
 const SAMPLES: u64 = 100_000;
+/// Factor by which the distance that the first points show is taken to be wrong at most.
+const UNSURE: f64 = 1.25;
 /// Levels at most.
 pub(super) const LEVELS_MAX: u32 = 40;
 
@@ -50,6 +54,8 @@ pub struct PassMesh {
     pub to_input: DistanceFigures,
     /// Distances from the input.
     pub from_input: DistanceFigures,
+    /// Points on each surface by which they are known.
+    samples: u64,
 }
 
 impl PassMesh {
@@ -133,6 +139,9 @@ impl Chain<'_> {
             self.measure(&run, &mut known)?;
         }
         // If the passes have ended, the last mesh is that of all further levels.
+        if !self.fits_one(&known.levels) {
+            known.newest = self.measured_well(known.newest, &known.surfaces)?;
+        }
         while !self.fits_one(&known.levels) && known.levels.len() < LEVELS_MAX as usize {
             known.levels.push(known.newest);
             if known.newest.faces > self.settings.limits().faces && self.fits_texels(&known.levels) {
@@ -159,7 +168,7 @@ impl Chain<'_> {
         }
         let none = DistanceFigures::default();
         let (faces, area) = (self.original.surface.face_count(), self.original.surface.area());
-        let newest = PassMesh { pass: 0, faces, area, to_input: none, from_input: none };
+        let newest = PassMesh { pass: 0, faces, area, to_input: none, from_input: none, samples: SAMPLES };
         Ok(KnownMeshes { levels: vec![newest], newest, surfaces: BTreeMap::new() })
     }
 
@@ -184,24 +193,47 @@ impl Chain<'_> {
         let none = TextureImages::none(self.catalogue);
         let surface = SurfaceCells::make(run.mesh(), self.catalogue, &none, &place)?;
         progress.begin("measure", 0, "");
-        let between = |from, to| SurfacePair { from, to }.distances(SAMPLES, limits, progress);
         let before = known.newest;
-        known.newest = PassMesh {
-            pass,
-            faces: surface.face_count(),
-            area: surface.area(),
-            to_input: between(&surface, &self.original.surface)?,
-            from_input: between(&self.original.surface, &surface)?,
-        };
+        known.newest = self.measured(pass, &surface, FIRST_SAMPLES)?;
+        if self.is_unsure(&known.newest, known.levels.len()) {
+            known.newest = self.measured(pass, &surface, SAMPLES)?;
+        }
         let is_coarser = |levels: &[PassMesh]| known.newest.deviation() > scene.texel_of(levels.len() as u32);
-        while is_coarser(&known.levels) && !self.fits_one(&known.levels) && known.levels.len() < LEVELS_MAX as usize {
-            known.levels.push(before);
+        if is_coarser(&known.levels) {
+            let before = self.measured_well(before, &known.surfaces)?;
+            while is_coarser(&known.levels) && !self.fits_one(&known.levels) && known.levels.len() < LEVELS_MAX as usize
+            {
+                known.levels.push(before);
+            }
         }
         let measured = MeasuredPass { surface, levels: known.levels.clone(), newest: known.newest };
         let step = Step::new(key).from([PassStep::mesh_after(pass as usize)]).of_size(known.newest.faces);
         work.keep(step, measured.surface.path(), &measured)?;
         known.surfaces.insert(pass, measured.surface);
         Ok(())
+    }
+
+    /// The mesh after a pass, measured at some points on its surface and on the input.
+    fn measured(&self, pass: u32, surface: &SurfaceCells, samples: u64) -> Result<PassMesh> {
+        let TilePlace { limits, progress, .. } = *self.place;
+        let between = |from, to| SurfacePair { from, to }.distances(samples, limits, progress);
+        let (to_input, from_input) =
+            (between(surface, &self.original.surface)?, between(&self.original.surface, surface)?);
+        Ok(PassMesh { pass, faces: surface.face_count(), area: surface.area(), to_input, from_input, samples })
+    }
+
+    /// A mesh that becomes a level, measured at as many points as those are.
+    fn measured_well(&self, mesh: PassMesh, surfaces: &BTreeMap<u32, SurfaceCells>) -> Result<PassMesh> {
+        match surfaces.get(&mesh.pass) {
+            Some(surface) if mesh.samples < SAMPLES => self.measured(mesh.pass, surface, SAMPLES),
+            _ => Ok(mesh),
+        }
+    }
+
+    /// Whether a mesh may be coarser than one of the levels from `first` on, or not.
+    fn is_unsure(&self, mesh: &PassMesh, first: usize) -> bool {
+        let off = |level: u32| mesh.deviation() / self.scene.texel_of(level);
+        (first as u32..=LEVELS_MAX).any(|level| (1.0 / UNSURE..=UNSURE).contains(&off(level)))
     }
 
     /// Whether the coarsest level fits one tile.
