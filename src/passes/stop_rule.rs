@@ -161,14 +161,14 @@ fn run_bounded<M: Metric>(engine: &mut Engine<M>, bounds: &[f64]) -> f32 {
     }
     engine.bound_deviation(last);
     highest = highest.max(run_stages(engine, BOUNDED_STAGE_SHARE));
-    let mut most_left = first.face_count() as f64 * TIGHTENED_BELOW;
+    let (mut before, mut most) = (first.face_count(), TIGHTENED_BELOW);
     for _ in 0..TIGHTENED_TIMES {
-        let left = engine.mesh.face_count as f64;
-        if left > most_left || !first.tighten(&mut engine.mesh, last) {
+        let left = engine.mesh.face_count;
+        if !is_at_most(left, most, before) || !first.tighten(&mut engine.mesh, last) {
             break;
         }
         highest = highest.max(run_stages(engine, BOUNDED_STAGE_SHARE));
-        most_left = left * TIGHTENED_KEEPS;
+        (before, most) = (left, TIGHTENED_KEEPS);
     }
     highest
 }
@@ -180,17 +180,67 @@ fn run_stages<M: Metric>(engine: &mut Engine<M>, least: f64) -> f32 {
         let before = engine.mesh.face_count;
         let goal = (before as f64 * BOUNDED_STAGE_KEEPS) as usize;
         highest = highest.max(engine.run(Stop::Cost(f32::INFINITY, goal)).cost);
-        if (before - engine.mesh.face_count) as f64 <= before as f64 * least {
+        if is_at_most(before - engine.mesh.face_count, least, before) {
             return highest;
         }
     }
 }
 
+/// Whether a number of faces is at most this share of another.
+fn is_at_most(faces: usize, share: f64, others: usize) -> bool {
+    faces as f64 <= others as f64 * share
+}
+
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
     use crate::cost::SurfaceCost;
+    use crate::mesh::ClusterMesh;
     use crate::mesh::cluster::samples;
+
+    #[test]
+    fn a_cluster_stops_as_its_pass_does_and_in_a_trim_at_its_own_faces() {
+        let of = |rule: StopRule| rule.of(ClusterId::new(1));
+        assert_eq!(of(StopRule::Shares(vec![0.5, 0.25])), ClusterStop::Shares(vec![0.5, 0.25]));
+        assert_eq!(of(StopRule::Faces(vec![0.5], 7)), ClusterStop::Faces(vec![0.5], 7));
+        assert_eq!(of(StopRule::Costs(vec![1.0, 3.0])), ClusterStop::Costs(vec![1.0, 3.0], 0));
+        assert_eq!(of(StopRule::Deviation(vec![0.5])), ClusterStop::Deviation(vec![0.5]));
+        assert_eq!(of(StopRule::Trim(vec![2.0], vec![7, 8, 9].into())), ClusterStop::Costs(vec![2.0], 8));
+        assert_eq!(StopRule::Costs(vec![1.0, 3.0, 2.0]).highest_cost(), Some(3.0));
+        assert_eq!(StopRule::Trim(vec![2.0], vec![7].into()).highest_cost(), None);
+    }
+
+    proptest! {
+        #[test]
+        fn a_share_of_the_rest_is_as_many_faces_as_the_share_of_all(
+            shares in prop::collection::vec(0.0..1.0f64, 1..5),
+            before in 1usize..5_000,
+            dropped in prop_oneof![Just(0.0), 0.0..=1.0, Just(1.0)],
+        ) {
+            let left = before - (before as f64 * dropped) as usize;
+            let rest = ClusterStop::Shares(shares.clone()).of_rest(before, left);
+            prop_assert_eq!(
+                ClusterStop::Faces(shares.clone(), 9).of_rest(before, left),
+                match &rest {
+                    ClusterStop::Shares(shares) => ClusterStop::Faces(shares.clone(), 9),
+                    other => panic!("{other:?}"),
+                }
+            );
+            for other in [ClusterStop::Costs(vec![0.5], 9), ClusterStop::Deviation(shares.clone())] {
+                prop_assert_eq!(other.of_rest(before, left), other);
+            }
+            if left == before {
+                prop_assert_eq!(rest, ClusterStop::Shares(shares));
+            } else if let ClusterStop::Shares(of_rest) = rest {
+                let left = left.max(1) as f64;
+                for (share, of_rest) in shares.iter().zip(of_rest) {
+                    prop_assert!((of_rest * left - (share * before as f64).min(left)).abs() < 1e-6);
+                }
+            }
+        }
+    }
 
     #[test]
     fn shares_are_of_the_faces_before_pieces_were_dropped() {
@@ -202,6 +252,9 @@ mod tests {
         assert_eq!(rest(ClusterStop::Shares(vec![0.75, 0.5]), 400).0, [0.75, 0.5]);
         assert_eq!(rest(ClusterStop::Shares(vec![0.75, 0.25]), 200).0, [1.0, 0.5]);
         assert_eq!(rest(ClusterStop::Faces(vec![0.5, 0.25], 90), 200), (vec![1.0, 0.5], 90));
+        for left in [0, 1] {
+            assert_eq!(rest(ClusterStop::Shares(vec![0.00125]), left).0, [0.5], "as of one face");
+        }
     }
 
     #[test]
@@ -257,6 +310,20 @@ mod tests {
         // The border has 48 edges.
         assert_eq!(ends(&[0.5, 0.4, 0.3, 0.2]), 4);
         assert_eq!(ends(&[0.5, 0.1, 0.05, 0.02]), 3);
+        assert_eq!(ends(&[0.5, 0.1, 0.05, 0.04, 0.03, 0.02]), 3);
+    }
+
+    #[test]
+    fn the_engine_may_force_a_number_of_faces_alone() {
+        let forces = |stop: ClusterStop| {
+            let mut engine = Engine::<SurfaceCost>::new(samples::grid(6, 0.3), &Default::default());
+            run_stages_to(&mut engine, &stop, Wanted::Mesh);
+            engine.forces_target
+        };
+        assert!(forces(ClusterStop::Faces(vec![0.5, 0.3], 20)));
+        let others =
+            [ClusterStop::Shares(vec![0.5]), ClusterStop::Costs(vec![0.1], 0), ClusterStop::Deviation(vec![0.1])];
+        assert_eq!(others.map(forces), [false; 3]);
     }
 
     #[test]
@@ -277,8 +344,116 @@ mod tests {
     fn a_plan_for_other_clusters_or_with_endless_stages_is_not_sound() {
         assert!(StopRule::Trim(vec![1.0], vec![7; 3].into()).is_sound(&3));
         assert!(!StopRule::Trim(vec![1.0], vec![7; 3].into()).is_sound(&4));
-        assert!(StopRule::Costs(vec![1.0; STAGES_MAX]).is_sound(&1));
-        assert!(!StopRule::Costs(vec![1.0; STAGES_MAX + 1]).is_sound(&1));
-        assert!(!StopRule::Faces(vec![0.5; STAGES_MAX + 1], 7).is_sound(&1));
+        for (count, is_sound) in [(0, true), (1, true), (STAGES_MAX, true), (STAGES_MAX + 1, false)] {
+            let (shares, costs) = (vec![0.5; count], vec![1.0; count]);
+            let rules = [
+                StopRule::Shares(shares.clone()),
+                StopRule::Faces(shares.clone(), 7),
+                StopRule::Costs(costs.clone()),
+                StopRule::Deviation(shares),
+                StopRule::Trim(costs, vec![7].into()),
+            ];
+            rules.iter().for_each(|rule| assert_eq!(rule.is_sound(&1), is_sound, "{rule:?}"));
+        }
+    }
+
+    #[test]
+    fn a_share_of_others_counts_up_to_the_last_face() {
+        assert_eq!([4, 5, 6].map(|faces| is_at_most(faces, 0.5, 10)), [true, true, false]);
+        assert!(is_at_most(0, 0.5, 0));
+    }
+
+    /// A mesh without two faces in one plane.
+    fn rough(n: u32, bump: f64) -> ClusterMesh {
+        let mut mesh = samples::grid(n, 0.0);
+        for position in mesh.positions.iter_mut() {
+            let [x, y] = [position.x, position.y];
+            position.z = bump * ((x * x * 31.0 + y * y * 17.0 + x * y * 13.0) % 23.0) / 23.0;
+        }
+        mesh
+    }
+
+    /// Why deviations were recomputed no more often under a last bound.
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+    enum Because {
+        TooManyLeft,
+        NothingToGain,
+        Often,
+    }
+
+    /// What [`run_bounded`] does, with its numbers; tells how often deviations were recomputed, and why no more often where
+    /// one more time would have gained something, or nothing.
+    fn run_by_hand(engine: &mut Engine<SurfaceCost>, bounds: &[f64]) -> (usize, Because) {
+        let first = Anchor::of(&engine.mesh);
+        for (i, &bound) in bounds.iter().enumerate() {
+            engine.bound_deviation(bound);
+            run_stages(engine, if i + 1 < bounds.len() { 0.4 } else { 0.02 });
+        }
+        let last = bounds[bounds.len() - 1];
+        let mut before = first.face_count() as f64 * 0.7;
+        for times in 0..=2 {
+            let left = engine.mesh.face_count as f64;
+            let mut tightened = engine.mesh.clone();
+            if !first.tighten(&mut tightened, last) {
+                return (times, Because::NothingToGain);
+            }
+            if left > before {
+                return (times, Because::TooManyLeft);
+            }
+            if times < 2 {
+                engine.mesh = tightened;
+                run_stages(engine, 0.02);
+                before = left * 0.9;
+            }
+        }
+        (2, Because::Often)
+    }
+
+    #[test]
+    fn deviations_are_recomputed_twice_at_most_and_only_where_many_faces_went() {
+        let mut reasons = std::collections::BTreeSet::new();
+        for mesh in [samples::grid(9, 0.3), samples::grid(20, 0.1), rough(8, 0.3), rough(8, 1.0)] {
+            for last in [0.02, 0.05, 0.08, 0.1, 0.12, 0.15, 0.2, 0.3, 0.5, 0.8] {
+                for bounds in [vec![last], vec![0.5 * last, last], vec![last, 1e-6]] {
+                    let [mut engine, mut other] =
+                        [(); 2].map(|()| Engine::<SurfaceCost>::new(mesh.clone(), &Default::default()));
+                    let cost = run_bounded(&mut engine, &bounds);
+                    reasons.insert(run_by_hand(&mut other, &bounds));
+                    assert_eq!(engine.milestones, other.milestones, "{bounds:?}");
+                    assert_eq!(cost, engine.milestones.iter().fold(0.0, |most: f32, stage| most.max(stage.cost)));
+                }
+            }
+        }
+        let once_each =
+            [(0, Because::TooManyLeft), (0, Because::NothingToGain), (1, Because::TooManyLeft), (2, Because::Often)];
+        assert!(once_each.iter().all(|reason| reasons.contains(reason)), "{reasons:?}");
+    }
+
+    #[test]
+    fn bounded_stages_remove_two_fifths_each_until_one_removes_little() {
+        for (mesh, bound) in [(samples::grid(20, 0.1), 0.15), (samples::grid(9, 0.3), 0.5), (rough(12, 0.3), 0.2)] {
+            for least in [0.02, 0.4] {
+                let mut engine = Engine::<SurfaceCost>::new(mesh.clone(), &Default::default());
+                let mut before = engine.mesh.face_count as f64;
+                engine.bound_deviation(bound);
+                run_stages(&mut engine, least);
+                let stage_count = engine.milestones.len();
+                for (i, stage) in engine.milestones.iter().enumerate() {
+                    let removed = before - stage.faces as f64;
+                    assert!(removed < 0.4 * before + 3.0, "{removed} of {before}");
+                    assert_eq!(removed <= least * before, i + 1 == stage_count, "{removed} of {before}");
+                    before = stage.faces as f64;
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn without_bounds_or_faces_nothing_happens() {
+        let mut engine = Engine::<SurfaceCost>::new(samples::grid(6, 0.3), &Default::default());
+        assert_eq!(run_stages_to(&mut engine, &ClusterStop::Deviation(Vec::new()), Wanted::Mesh), 0.0);
+        assert!(engine.milestones.is_empty());
+        let mut engine = Engine::<SurfaceCost>::new(ClusterMesh::default(), &Default::default());
+        assert_eq!(run_stages_to(&mut engine, &ClusterStop::Deviation(vec![0.1, 0.2]), Wanted::Mesh), 0.0);
     }
 }
