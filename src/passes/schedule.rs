@@ -136,23 +136,4 @@ impl Schedule {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_pass_is_stuck_if_it_removes_little_of_what_is_above_the_target() {
-        let is_stuck = |[faces_in, faces_out, target]: [u64; 3], is_exact| {
-            let [is_last, is_single, is_steepest, met_wall] = [true, true, false, false];
-            let end = PassEnd { faces_in, faces_out, is_last, is_single, is_exact, is_steepest, met_wall };
-            end.is_stuck(target)
-        };
-        for is_exact in [false, true] {
-            assert!(is_stuck([2_800, 2_800, 300], is_exact));
-            assert!(is_stuck([2_800, 2_790, 300], is_exact));
-            assert!(!is_stuck([2_800, 2_700, 300], is_exact));
-            assert!(!is_stuck([15, 14, 4], is_exact));
-        }
-        assert!(is_stuck([80_000, 79_995, 79_990], false));
-        assert!(!is_stuck([80_000, 79_995, 79_990], true));
-    }
-}
+mod tests;
