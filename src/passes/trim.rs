@@ -24,7 +24,7 @@ pub fn spread_shares(faces: &TiSlice<ClusterId, u64>, target: u64) -> TiVec<Clus
         let of_chosen: u64 = chosen.iter().map(|&cluster| faces[cluster]).sum();
         excess as f64 <= SPREAD_SHARE * of_chosen as f64
     };
-    let chosen = fewest_spread(faces, excess as f64 / (SPREAD_SHARE * all.max(1) as f64), is_enough);
+    let chosen = fewest_spread(faces, excess as f64 / (SPREAD_SHARE * all as f64), is_enough);
     let of_chosen: Vec<u64> = chosen.iter().map(|&cluster| faces[cluster]).collect();
     let left = of_chosen.iter().sum::<u64>().saturating_sub(excess);
     let mut keep = faces.to_vec();
@@ -32,7 +32,8 @@ pub fn spread_shares(faces: &TiSlice<ClusterId, u64>, target: u64) -> TiVec<Clus
     keep
 }
 
-/// Returns as few evenly spread clusters as are enough, at least this share of all; all of them if no fewer are.
+/// Returns as few evenly spread clusters as are enough, at least this share of all; all of them if no fewer are. The
+/// share is infinite or NaN where no faces are left to share.
 fn fewest_spread(
     faces: &TiSlice<ClusterId, u64>,
     least: f64,
@@ -75,7 +76,7 @@ pub fn give_back(
         let room = |&cluster: &ClusterId| lost(cluster).min((SPREAD_SHARE * after[cluster] as f64) as u64);
         missing <= chosen.iter().map(room).sum()
     };
-    let chosen = fewest_spread(before, missing as f64 / (SPREAD_SHARE * all.max(1) as f64), is_enough);
+    let chosen = fewest_spread(before, missing as f64 / (SPREAD_SHARE * all as f64), is_enough);
     let way: u64 = chosen.iter().map(|&cluster| lost(cluster)).sum();
     let (mut stretch, mut given) = (0, 0);
     let mut stops: TiVec<ClusterId, u64> = vec![0; before.len()].into();
@@ -221,9 +222,24 @@ mod tests {
         assert_eq!(spread(3980), [1000, 0, 1000, 980, 1000]);
         assert_eq!(spread(3900), [1000, 0, 950, 1000, 950]);
         assert_eq!(spread(3600), [900, 0, 900, 900, 900]);
+        // Exactly as much as one cluster may lose.
+        assert_eq!(spread(3940), [1000, 0, 1000, 940, 1000]);
         assert_eq!(spread(4000), faces);
         assert_eq!(spread(5000), faces);
         assert!(spread_shares(TiSlice::from_ref(&[]), 5).is_empty());
+    }
+
+    #[test]
+    fn one_large_cluster_does_not_lose_the_excess_of_all() {
+        let spread = |faces: &[u64], target| spread_shares(TiSlice::from_ref(faces), target).raw;
+        assert_eq!(spread(&[10, 10, 1000, 10], 980), [8, 10, 952, 10]);
+    }
+
+    #[test]
+    fn nothing_is_lost_where_nothing_has_to_go() {
+        assert_eq!(equal_shares(&[10, 7, 10], 27), [10, 7, 10]);
+        assert_eq!(equal_shares(&[1], 1), [1]);
+        assert_eq!(spread_shares(TiSlice::from_ref(&[0, 0]), 0).raw, [0, 0]);
     }
 
     proptest! {
@@ -255,6 +271,8 @@ mod tests {
         let stopped = stops(&[200; 10], &[100; 10], 1011);
         assert_eq!(stopped.iter().filter(|&&stop| stop > 0).count(), 2);
         assert_eq!(stopped.iter().map(|stop| stop.saturating_sub(100)).sum::<u64>(), 11);
+        let stopped = stops(&[200; 10], &[100; 10], 1012);
+        assert_eq!(stopped.iter().filter(|&&stop| stop > 0).count(), 2, "all that two have room for");
         // One that lost nothing has nothing to give back.
         for target in [110, 150, 500, 1100] {
             let stopped = stops(&[100, 1000, 0], &[100, 10, 0], target);
@@ -262,6 +280,8 @@ mod tests {
         }
         assert_eq!(stops(&[10, 10], &[0, 0], 10), [5, 5]);
         assert_eq!(stops(&[10, 10], &[5, 5], 8), [0, 0]);
+        assert_eq!(stops(&[10], &[9], 10), [10]);
+        assert_eq!(stops(&[0, 0], &[0, 0], 3), [0, 0]);
         assert!(stops(&[], &[], 3).is_empty());
     }
 
@@ -320,6 +340,51 @@ mod tests {
         assert_eq!(cut(3, 2), (vec![0, 3], false));
         assert_eq!(cut(3, 3), (vec![0, 6], true));
         assert_eq!(cut(2, 9), (vec![0, 2], true));
+    }
+
+    #[test]
+    fn a_cluster_that_stops_before_a_collapse_does_not_skip_it() {
+        let cut = |spare| {
+            let mut merged = MergedLog::default();
+            log(&mut merged, 0, &[(1.0, 2), (2.0, 4), (3.0, -3)]);
+            let quotas = merged.cut(3, spare, 1);
+            (quotas.lost.raw, quotas.is_enough)
+        };
+        assert_eq!([cut(0), cut(3)], [(vec![3], false), (vec![6], true)]);
+    }
+
+    #[test]
+    fn the_first_of_several_collapses_that_remove_too_many_faces_is_done_after_all() {
+        let cut = |removed: [i32; 2]| {
+            let mut merged = MergedLog::default();
+            (0..2).for_each(|cluster| log(&mut merged, cluster, &[(1.0, removed[cluster as usize])]));
+            merged.cut(3, 2, 2).lost.raw
+        };
+        assert_eq!([cut([5, 5]), cut([7, 5]), cut([5, 7])], [[5, 0], [0, 5], [5, 0]]);
+    }
+
+    proptest! {
+        #[test]
+        fn clusters_lose_the_faces_that_one_queue_would_remove(
+            clusters in proptest::collection::vec(proptest::collection::vec(0.0..1.0f32, 0..20), 1..8),
+            share in 0.0..1.0f64,
+        ) {
+            let mut merged = MergedLog::default();
+            let mut all = Vec::new();
+            for (cluster, costs) in clusters.iter().enumerate() {
+                log(&mut merged, cluster as u32, &costs.iter().map(|&cost| (cost, 2)).collect::<Vec<_>>());
+                let mut highest = 0f32;
+                all.extend(costs.iter().map(|cost| {
+                    highest = highest.max(*cost);
+                    (highest, cluster)
+                }));
+            }
+            all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            let excess = (2.0 * share * all.len() as f64) as u64;
+            let mut lost = vec![0; clusters.len()];
+            all[..excess.div_ceil(2) as usize].iter().for_each(|&(_, cluster)| lost[cluster] += 2);
+            prop_assert_eq!(merged.cut(excess, 0, clusters.len()), Quotas { lost: lost.into(), is_enough: true });
+        }
     }
 
     #[test]
