@@ -167,6 +167,8 @@ mod tests {
             other => panic!("{other:?}"),
         }
         assert!(matches!(AIM.in_one_cluster(2, 0), StopRule::Faces(..)));
+        let single = Aim { target: 1, ..AIM };
+        assert!(matches!(single.in_one_cluster(2, 1), StopRule::Faces(shares, 1) if shares == [1.0]));
     }
 
     #[test]
@@ -178,6 +180,7 @@ mod tests {
         assert_eq!(of(AIM, 1, 4000.0), (0.25, false));
         assert_eq!(of(AIM, 2, 2000.0), (0.5, true));
         assert_eq!(of(AIM, 2, 0.0), (1000.0, true));
+        assert_eq!(of(Aim { target: 1, ..AIM }, 0, 4000.0), (1.0 / 4000.0, false));
         assert_eq!(of(Aim { target: 0, ..AIM }, 0, 4000.0), (1.0, false));
         assert_eq!([0, 1, 2].map(|turn| AIM.faces_after(turn).round()), [4000.0, 2000.0, 1000.0]);
     }

@@ -26,10 +26,10 @@ const PASS_SHARE_MIN: f64 = 0.25;
 /// Number of passes for a target: `wanted`, or as many as it takes from `input` to `target` faces in steps of a
 /// quarter. `wanted` if that is at most 1, or if `target` or `input` is 0.
 pub fn pass_count(wanted: usize, input: u64, target: u64) -> usize {
-    if wanted <= 1 || target == 0 || input == 0 {
+    if wanted <= 1 || target == 0 {
         return wanted;
     }
-    let before_last = (4.0 * target as f64 / input as f64).min(1.0);
+    let before_last = 4.0 * target as f64 / input as f64;
     let steps = (libm::log(before_last) / libm::log(PASS_SHARE_MIN) - STEP_SLACK).ceil().max(0.0) as usize;
     wanted.max(2 + steps)
 }
@@ -42,13 +42,13 @@ const STEP_SLACK: f64 = 0.05;
 /// Even steps down to 4 × the target, then 2 ×, then 1 ×, but never above an even share of the whole way.
 pub fn pass_target(input: u64, target: u64, pass: usize, passes: usize) -> f64 {
     let left = passes.saturating_sub(pass + 1) as i32;
-    let ratio = (target as f64 / input.max(1) as f64).clamp(0.0, 1.0);
+    let ratio = (target as f64 / input.max(1) as f64).min(1.0);
     let even = libm::pow(ratio, (pass + 1) as f64 / passes as f64);
     let doubled = match left {
         0 | 1 => ratio * libm::pow(2.0, f64::from(left)),
         _ => libm::pow(4.0 * ratio, (pass + 1) as f64 / (passes - 2) as f64),
     };
-    if left <= 0 { target as f64 } else { input as f64 * even.min(doubled).min(1.0) }
+    if left == 0 { target as f64 } else { input as f64 * even.min(doubled) }
 }
 
 /// Part of a stage that is spread over the others, so that a pass that ended slightly above its target adds no stage.
@@ -87,6 +87,7 @@ mod tests {
         let counts = [500, 100, 40, 20, 5, 1].map(|target| pass_count(3, 1000, target));
         assert_eq!(counts, [3, 3, 4, 4, 5, 6]);
         assert_eq!([pass_count(1, 1000, 1), pass_count(8, 1000, 1), pass_count(3, 1000, 0)], [1, 8, 3]);
+        assert_eq!([pass_count(3, 0, 1), pass_count(2, 1, 1), pass_count(2, 1, 1000)], [3, 2, 2]);
         // With two passes the last starts from twice the target. Slightly more than a quarter does not add a step.
         assert_eq!([500, 100, 60, 50].map(|target| pass_count(2, 1000, target)), [2, 3, 3, 4]);
         let targets: Vec<u64> = (0..5).map(|pass| pass_target(100_000, 500, pass, 5).round() as u64).collect();
@@ -106,6 +107,21 @@ mod tests {
     fn mild_ratios_are_shared_evenly() {
         let targets: Vec<u64> = (0..3).map(|pass| pass_target(1000, 729, pass, 3).round() as u64).collect();
         assert_eq!(targets, [900, 810, 729]);
+    }
+
+    #[test]
+    fn passes_never_aim_above_the_input_and_the_last_one_aims_at_the_target_to_the_face() {
+        for input in 1..60 {
+            for target in 1..60 {
+                let targets: Vec<f64> = (0..5).map(|pass| pass_target(input, target, pass, 4)).collect();
+                assert!(targets[..3].iter().all(|&faces| faces <= input as f64), "{input} {targets:?}");
+                assert!(targets[..3].is_sorted_by(|a, b| a >= b), "{targets:?}");
+                assert_eq!(targets[3..], [target as f64; 2]);
+                if target >= input {
+                    assert_eq!(targets[..3], [input as f64; 3]);
+                }
+            }
+        }
     }
 
     #[test]
