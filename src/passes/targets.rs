@@ -185,3 +185,6 @@ fn loaded_faces(partition: &Partition) -> TiVec<ClusterId, u64> {
     let faces_of = |cluster| partition.weight(cluster).map_or(0, |weight| weight.faces);
     partition.clusters().map(faces_of).collect()
 }
+
+#[cfg(test)]
+mod tests;
