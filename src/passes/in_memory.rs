@@ -281,6 +281,7 @@ fn faces_of(mesh: &Mesh, labels: &TiSlice<PartId, u32>, options: &PassOptions) -
     };
     let faces = mesh.faces.iter().enumerate().map(face).collect();
     let positions: TiVec<PartitionVertex, DVec3> = mesh.positions.iter().copied().map(DVec3::from_array).collect();
-    let texcoords = mesh.texcoords.iter().copied().map(DVec2::from_array).collect();
+    // Negative zero is zero, and no seam beside it.
+    let texcoords = mesh.texcoords.iter().map(|&texcoord| DVec2::from_array(texcoord) + 0.0).collect();
     ClusterFaces::whole(faces, &positions, texcoords, options.weld, options.drop_doubles)
 }

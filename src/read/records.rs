@@ -107,8 +107,11 @@ impl ParsedRecords {
         };
     }
 
-    /// Encodes positions and texture coordinates for their files.
+    /// Encodes positions and texture coordinates for their files. Negative zero becomes zero: programs print small
+    /// negative numbers as -0.000000, which no count of decimals stands for, and which would lie at a seam beside 0.
     pub fn pack(&mut self) {
+        self.positions.iter_mut().for_each(|position| *position += 0.0);
+        self.texcoords.iter_mut().for_each(|texcoord| *texcoord += 0.0);
         self.packed_positions = PackedBlocks::new(&self.positions);
         self.packed_texcoords = PackedBlocks::new(&self.texcoords);
     }

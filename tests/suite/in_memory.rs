@@ -89,6 +89,20 @@ fn what_does_not_change_keeps_every_bit() {
 }
 
 #[test]
+fn negative_zero_is_no_seam_beside_zero() {
+    let (_folder, path) = folder_with(&terrain(24).text());
+    let mut plain = load(&path);
+    plain.texcoords.iter_mut().for_each(|[u, _]| *u = 0.0);
+    // Half of the faces have texture coordinates of their own.
+    let (mut odd, count) = (plain.clone(), plain.texcoords.len());
+    odd.texcoords.extend(plain.texcoords.iter().map(|[_, v]| [-0.0, *v]));
+    let half = odd.faces.len() / 2;
+    odd.face_texcoords[half..].iter_mut().flatten().for_each(|texcoord| *texcoord += count as u32);
+    let [plain, odd] = [plain, odd].map(|mesh| simplify_mesh(&mesh, &ratio(0.2), &Silent).unwrap().0);
+    assert_eq!((odd.positions, odd.faces), (plain.positions, plain.faces));
+}
+
+#[test]
 fn colours_and_labels_stay_with_their_places() {
     let mut mesh = load(&folder_with(&terrain(40).text()).1);
     mesh.colours = mesh.positions.iter().map(|&[x, y, _]| [x as f32, y as f32, 0.5]).collect();

@@ -58,6 +58,31 @@ fn relative_indices_and_odd_blanks_give_the_same_bytes() {
     assert!(simplify(&input, &options).text() == simplify(&town(), &options).text());
 }
 
+#[test]
+fn negative_zero_is_zero() {
+    let side = 24;
+    let mut plain = terrain(side);
+    plain.texcoords.iter_mut().for_each(|texcoord| *texcoord -= 0.5);
+    plain.positions.iter_mut().step_by(3).for_each(|position| position.z = 0.0);
+    // The right half has texture coordinates of its own, so that both zeros meet in the middle.
+    let mut doubled = plain.clone();
+    doubled.texcoords.extend_from_slice(&plain.texcoords);
+    let is_right = |face: usize| face / 2 % side >= side / 2;
+    for (_, corners) in doubled.faces.iter_mut().enumerate().filter(|(face, _)| is_right(*face)) {
+        corners.iter_mut().for_each(|(_, texcoord)| *texcoord += plain.texcoords.len());
+    }
+    let mut odd = String::new();
+    for (number, line) in doubled.text().lines().enumerate() {
+        let is_odd = number < plain.positions.len() || number >= plain.positions.len() + plain.texcoords.len();
+        let line = if is_odd { line.replace(" 0.000000", " -0.000000") } else { line.to_owned() };
+        let _ = writeln!(odd, "{line}");
+    }
+    assert!(odd.matches("-0.000000").count() > 200);
+    for options in [ratio(0.2), in_many_clusters(ratio(0.2))] {
+        assert!(simplify_text(&odd, &options).text() == simplify_text(&plain.text(), &options).text());
+    }
+}
+
 /// The terrain cut along x = `side` / 2 into two files; each has its own copy of the vertices between them.
 fn write_tiles(folder: &std::path::Path, side: usize) {
     let whole = terrain(side);
