@@ -110,17 +110,18 @@ def main():
     parser.add_argument("--drystone", default="target/release/drystone", help="the program")
     parser.add_argument("--samples", type=int, default=50_000, help="points of a comparison (50,000)")
     arguments = parser.parse_args()
+    program = Path(arguments.drystone).resolve()
     first, second, is_good = [], [], True
     for name, path in (mesh.split("=", 1) for mesh in arguments.meshes):
         with tempfile.TemporaryDirectory() as folder:
-            mesh = Mesh(Path(arguments.drystone).resolve(), path, folder, arguments.samples)
+            mesh = Mesh(program, path, folder, arguments.samples)
             label = f"{name}, {mesh.faces} faces"
             row, is_met = targets(mesh, label)
             rows, is_kept = bounds(mesh, label)
         second.append(row)
         first += rows
         is_good &= is_met and is_kept
-    version = subprocess.run([arguments.drystone, "--version"], capture_output=True, text=True, check=True).stdout.strip()
+    version = subprocess.run([program, "--version"], capture_output=True, text=True, check=True).stdout.strip()
     version = version.split(" (")[0]  # a release is named by its version, not by a commit
     print(PAGE.format(version=version, date=datetime.date.today(), bounds="\n".join(first), targets="\n".join(second), samples=arguments.samples,
                       ratios=" | ".join(f"{ratio:g}" for ratio in RATIOS), lines=" --- |" * (len(RATIOS) + 1)))
