@@ -271,7 +271,8 @@ class Cases:
         head = f"tcp://{self.stand.address(0)}:8786"
         os.environ["DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL"] = "15s"
         os.environ["PATH"] = f"{self.program.parent}:{os.environ['PATH']}"
-        os.environ["PYTHONPATH"] = str(Path(__file__).resolve().parents[2] / "python")
+        if importlib.util.find_spec("drystone") is None:
+            os.environ["PYTHONPATH"] = str(Path(__file__).resolve().parents[2] / "python")
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
         with contextlib.ExitStack() as started:
 
