@@ -123,3 +123,34 @@ impl PassOptions {
         }
     }
 }
+
+#[cfg(test)]
+pub(super) mod samples {
+    use super::*;
+
+    /// Three passes from `input` to `target` faces, in clusters of 100, and nothing else asked for.
+    pub fn three_passes(input: u64, target: u64) -> PassOptions {
+        PassOptions {
+            target,
+            max_error: None,
+            input,
+            passes: 3,
+            cluster_faces: 100,
+            cost: Cost::Surface(Default::default()),
+            seams: SeamPolicy::Stitch,
+            lock_borders: false,
+            drop_pieces: false,
+            frees_topology: false,
+            one_by_one: false,
+            drop_doubles: false,
+            drop_texcoords: false,
+            kept_steps: &[],
+            remesh: None,
+            optimize: false,
+            weld: false,
+            map: None,
+            threads: 1,
+            work_bytes: 64 << 20,
+        }
+    }
+}

@@ -1,31 +1,10 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::passes::options::{Cost, SeamPolicy};
+use crate::passes::options::samples::three_passes;
 
 fn options(target: u64, max_error: Option<f64>, remesh: Option<CvdSettings>) -> PassOptions {
-    PassOptions {
-        target,
-        max_error,
-        input: 10_000,
-        passes: 3,
-        cluster_faces: 100,
-        cost: Cost::Surface(Default::default()),
-        seams: SeamPolicy::Stitch,
-        lock_borders: false,
-        drop_pieces: false,
-        frees_topology: false,
-        one_by_one: false,
-        drop_doubles: false,
-        drop_texcoords: false,
-        kept_steps: &[],
-        remesh,
-        optimize: false,
-        weld: false,
-        map: None,
-        threads: 1,
-        work_bytes: 64 << 20,
-    }
+    PassOptions { max_error, remesh, ..three_passes(10_000, target) }
 }
 
 /// A pass over several clusters that removes half of the faces on the way to the target.

@@ -15,6 +15,7 @@ use crate::model::{Catalogue, Face, Part, StoredMesh};
 use crate::passes::floor::Floor;
 use crate::passes::metric_engine::{MetricEngine, Simplified};
 use crate::passes::options::Cost;
+use crate::passes::options::samples::three_passes;
 use crate::passes::outcome::PassReport;
 use crate::passes::pass_id::PassKind;
 use crate::passes::state::ResumePoint;
@@ -147,30 +148,10 @@ fn no_collapses(_: u64) -> Vec<(f32, u64)> {
     Vec::new()
 }
 
-/// Options for a target, with clusters of 100 faces.
+/// Options for a target, with a metric that takes memory of its own.
 fn options(target: u64) -> PassOptions {
-    PassOptions {
-        target,
-        max_error: None,
-        input: FACES,
-        passes: 3,
-        cluster_faces: 100,
-        cost: Cost::Curvature(CurvatureSettings::from([1.0, 1e-3, 1.0])),
-        seams: SeamPolicy::Stitch,
-        lock_borders: false,
-        drop_pieces: false,
-        frees_topology: false,
-        one_by_one: false,
-        drop_doubles: false,
-        drop_texcoords: false,
-        kept_steps: &[],
-        remesh: None,
-        optimize: false,
-        weld: false,
-        map: None,
-        threads: 1,
-        work_bytes: 64 << 20,
-    }
+    let cost = Cost::Curvature(CurvatureSettings::from([1.0, 1e-3, 1.0]));
+    PassOptions { cost, ..three_passes(FACES, target) }
 }
 
 fn pass(turn: usize) -> Pass {
