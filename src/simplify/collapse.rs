@@ -33,6 +33,8 @@ pub struct Collapse {
     pub cost: f64,
     /// Largest number of faces that may die.
     pub dying_max: usize,
+    /// A vertex of the surface nearest to an isolated face that is to vanish.
+    pub neighbour: Option<LocalVertex>,
     /// Share of the overhang of the chain beyond its charts by which the texture coordinates of `to` move into the
     /// charts, 0 to 1.
     pub inset: f64,
@@ -45,7 +47,7 @@ pub struct Collapser {
     uvs: Vec<DVec2>,
     patches: Patches,
     last_faces: LastFaces,
-    /// Faces that change and stay.
+    /// Faces that change and stay; if none does, faces that stand for those that vanish.
     changed: Vec<FaceId>,
     /// Largest deviation from the input allowed, in units of length; `None` if it is not bounded.
     pub deviation_max: Option<f64>,
@@ -176,6 +178,13 @@ impl Collapser {
         let at_to = |&&face: &&FaceId| !mesh.vertices(face).contains(&collapse.from);
         for &face in self.star.dying.iter().filter(at_to) {
             self.patches.push_old(mesh.triangle(face), mesh.deviations[face]);
+        }
+        if self.changed.is_empty() {
+            let beside = rings.faces(mesh, collapse.neighbour.unwrap_or(collapse.to));
+            for face in beside.filter(|face| !self.star.dying.contains(face)) {
+                self.patches.push_kept(mesh.triangle(face), mesh.deviations[face]);
+                self.changed.push(face);
+            }
         }
         for (&face, bound) in self.changed.iter().zip(self.patches.bound(most)?) {
             mesh.deviations[face] = bound;

@@ -68,9 +68,9 @@ pub struct Cover {
 
 impl Cover {
     /// Sets the targets for the triangles that follow.
-    pub fn aim_at(&mut self, targets: &[CoveredFace]) {
+    pub fn aim_at(&mut self, targets: impl IntoIterator<Item = CoveredFace>) {
         self.targets.clear();
-        self.targets.extend_from_slice(targets);
+        self.targets.extend(targets);
         self.cutter.points.clear();
         self.distances.clear();
     }
@@ -177,7 +177,7 @@ mod tests {
     fn bound_of(triangle: [DVec3; 3], set: &[[DVec3; 3]], most: f64) -> Option<f64> {
         let targets: Vec<CoveredFace> = set.iter().map(|&corners| CoveredFace { corners, base: 0.0 }).collect();
         let (mut cover, mut bound) = (Cover::default(), 0f64);
-        cover.aim_at(&targets);
+        cover.aim_at(targets);
         cover.cover(triangle, most, |_, distance| bound = bound.max(distance)).then_some(bound)
     }
 
@@ -210,7 +210,7 @@ mod tests {
         let [corners, _] = square();
         let mut found = Vec::new();
         let mut cover = Cover::default();
-        cover.aim_at(&[CoveredFace { corners, base: 0.5 }]);
+        cover.aim_at([CoveredFace { corners, base: 0.5 }]);
         assert!(cover.cover(corners, 0.6, |target, bound| found.push((target, bound))));
         assert_eq!(found, [(0, 0.5)]);
         assert!(!cover.cover(corners, 0.4, |_, _| ()));

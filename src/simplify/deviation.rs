@@ -24,7 +24,9 @@ pub struct Patches {
     old: Vec<CoveredFace>,
     /// Faces that replace them.
     new: Vec<CoveredFace>,
-    /// Bounds of the new faces.
+    /// Faces that stay as they are and stand for replaced ones near them, with the bound of each.
+    kept: Vec<(CoveredFace, f64)>,
+    /// Bounds of the new faces, then of the kept ones.
     bounds: Vec<f64>,
     cover: Cover,
 }
@@ -34,6 +36,7 @@ impl Patches {
     pub fn clear(&mut self) {
         self.old.clear();
         self.new.clear();
+        self.kept.clear();
     }
 
     /// Adds a face that is replaced, with its bound.
@@ -46,25 +49,31 @@ impl Patches {
         self.new.push(CoveredFace { corners, base: 0.0 });
     }
 
-    /// Bounds of the new faces, in the order in which they were added.
+    /// Adds a face that stays as it is, with its bound: replaced faces may lie near it instead of near a new one.
+    pub fn push_kept(&mut self, corners: [DVec3; 3], bound: f32) {
+        self.kept.push((CoveredFace { corners, base: 0.0 }, f64::from(bound)));
+    }
+
+    /// Bounds of the new faces, then of the kept ones, each in the order in which they were added.
     ///
     /// # Errors
-    /// [`Refusal::Deviation`] if one exceeds `most`, or if there are no new faces.
+    /// [`Refusal::Deviation`] if one exceeds `most`, or if there are neither new nor kept faces.
     pub fn bound(&mut self, most: f64) -> Result<impl Iterator<Item = f32> + '_, Refusal> {
-        let Self { old, new, bounds, cover } = self;
-        if new.is_empty() {
+        let Self { old, new, kept, bounds, cover } = self;
+        if new.is_empty() && kept.is_empty() {
             return Err(Refusal::Deviation);
         }
         bounds.clear();
         bounds.resize(new.len(), 0.0);
-        cover.aim_at(new);
+        bounds.extend(kept.iter().map(|&(_, bound)| bound));
+        cover.aim_at(new.iter().chain(kept.iter().map(|(face, _)| face)).copied());
         for face in old.iter() {
             let take = |at: usize, distance: f64| bounds[at] = bounds[at].max(face.base + distance);
             if !cover.cover(face.corners, most - face.base, take) {
                 return Err(Refusal::Deviation);
             }
         }
-        cover.aim_at(old);
+        cover.aim_at(old.iter().copied());
         for (face, bound) in new.iter().zip(bounds.iter_mut()) {
             if !cover.cover(face.corners, most, |_, distance| *bound = bound.max(distance)) {
                 return Err(Refusal::Deviation);
@@ -108,5 +117,19 @@ mod tests {
         let beside = TRIANGLE.map(|p| p + 5.0 * DVec3::X);
         let lifted = TRIANGLE.map(|p| p + 0.25 * DVec3::Z);
         assert_eq!(bounds(&[(TRIANGLE, 0.0), (beside, 0.5)], &[lifted, beside], 1.0), Some(vec![0.25, 0.5]));
+    }
+    #[test]
+    fn a_face_that_stays_stands_for_one_that_vanishes() {
+        let above = TRIANGLE.map(|p| p + DVec3::Z * 0.25);
+        let bound = |most: f64, kept: f32| {
+            let mut patches = Patches::default();
+            patches.push_old(above, 0.5);
+            patches.push_kept(TRIANGLE, kept);
+            patches.bound(most).ok().map(Iterator::collect::<Vec<f32>>)
+        };
+        assert_eq!(bound(1.0, 0.0), Some(vec![0.75]));
+        assert_eq!(bound(1.0, 0.9), Some(vec![0.9]));
+        assert_eq!(bound(0.7, 0.0), None);
+        assert!(bounds(&[(TRIANGLE, 0.0)], &[], 1.0).is_none());
     }
 }

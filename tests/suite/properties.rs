@@ -245,6 +245,26 @@ fn cubes() -> impl Strategy<Value = Sketch> {
     })
 }
 
+/// Boxes that stand apart, each a component of its own.
+fn boxes() -> impl Strategy<Value = Sketch> {
+    (1usize..40, any::<u64>()).prop_map(|(count, seed)| {
+        let mut sketch = Sketch::default();
+        for k in 0..count {
+            let base = sketch.positions.len();
+            let size = DVec3::from_array([0, 1, 2].map(|axis| 0.05 + 1.5 * noise(k, axis, seed)));
+            let place = DVec3::new(2.0 * (k % 6) as f64, 2.0 * (k / 6) as f64, noise(k, 3, seed));
+            let corner = |i: usize| DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2) as f64);
+            sketch.positions.extend((0..8).map(|i| place + size * corner(i)));
+            let walls = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+            for [a, b, c, d] in walls.map(|wall| wall.map(|corner| (base + corner, base + corner))) {
+                sketch.faces.extend([[a, b, c], [a, c, d]]);
+                sketch.materials.extend([0; 2]);
+            }
+        }
+        sketch
+    })
+}
+
 /// Runs the passes and returns the mesh before and after.
 fn run(sketch: &Sketch, choice: &Choice) -> (Surface, Surface) {
     // In memory where there is such a place: thousands of small jobs would wait for the disk.
@@ -399,6 +419,10 @@ proptest! {
 
     #[test]
     fn no_point_of_a_soup_leaves_the_bound(sketch in soups(), choice in choices(), most in bounds()) {
+        keeps_bound(&sketch, &choice, most)?;
+    }
+    #[test]
+    fn no_point_of_a_box_leaves_the_bound(sketch in boxes(), choice in choices(), most in bounds()) {
         keeps_bound(&sketch, &choice, most)?;
     }
 }

@@ -298,3 +298,26 @@ fn a_vertex_of_many_faces_proposes_its_edges_in_the_order_of_cost() {
     assert_eq!(expected.len(), 28);
     assert_eq!(in_order(|engine, after| engine.judge_after(v(0), after)), expected);
 }
+
+#[test]
+fn a_component_vanishes_where_another_lies_within_the_bound_of_all_its_points() {
+    // The tips of two tetrahedra, each of height 1, are 3 apart, and their bases 1.
+    let tetrahedron = |base: f64, tip: f64| {
+        let corners = [[0.0, 0.0, base], [1.0, 0.0, base], [0.0, 1.0, base], [0.0, 0.0, tip]];
+        corners.map(|corner| (DVec3::from_array(corner), DVec2::NAN))
+    };
+    let vertices = tetrahedron(1.0, 2.0).into_iter().chain(tetrahedron(0.0, -1.0));
+    let walls = [[0, 1, 2], [1, 0, 3], [2, 1, 3], [0, 2, 3]];
+    let faces: Vec<[u32; 3]> = [0, 4].into_iter().flat_map(|first| walls.map(|wall| wall.map(|v| first + v))).collect();
+    let mesh = samples::mesh_of(vertices, &faces);
+    for (most, left) in [(0.5, 8), (0.9, 2), (2.5, 1), (100.0, 1)] {
+        let mut engine = Engine::<SurfaceCost>::new(mesh.clone(), &Weights::default());
+        engine.frees_topology = true;
+        engine.bound_deviation(most);
+        for _ in 0..8 {
+            engine.run(Stop::Cost(f32::INFINITY, 0));
+        }
+        assert_eq!((engine.changes().pieces_dropped, engine.mesh.face_count), (2 - left.min(2) as u64, left), "{most}");
+        assert!(engine.mesh.deviations.iter().all(|&bound| f64::from(bound) <= most));
+    }
+}
