@@ -139,8 +139,7 @@ otherwise. The inputs are described in [benchmarks](benchmarks.md#inputs).
 result* are the largest distances, as shares of the bound, measured by `drystone compare --samples
 {samples}`; a bound is kept where both are at most 1. *Faces without a bound* is what a `--faces` run
 needs to stay within the larger of the two distances. Such a run minimises the sum of squares and
-proves nothing; and it drops components, which a run to a bound does not: a mesh of many components
-keeps more faces by a large bound.
+proves nothing.
 
 | Mesh | Bound | Result to input | Input to result | Faces | Faces without a bound | Quotient |
 | --- | --- | --- | --- | --- | --- | --- |
