@@ -58,7 +58,7 @@ impl EdgeStar {
             return Err(Refusal::Topology);
         }
         let to_shared = mesh.is_shared(to);
-        self.epoch += 2;
+        self.epoch += 1;
         if closed && !to_shared && self.dying.len() == 2 && rings.living(mesh, from).nth(FEW_FACES).is_some() {
             return self.check_closed(mesh, rings, from, to);
         }
@@ -119,15 +119,14 @@ impl EdgeStar {
         if self.count_common(mesh, rings, to) == 2 { Ok(()) } else { Err(Refusal::Topology) }
     }
 
-    /// Number of vertices that share a face with `to` and were marked with the current epoch. Each then has the next one.
+    /// Number of vertices that share a face with `to` and were marked with the current epoch; takes their marks off.
     fn count_common(&mut self, mesh: &ClusterMesh, rings: &Rings, to: LocalVertex) -> usize {
-        let (seen, common) = (self.epoch, self.epoch + 1);
         let mut count = 0;
         for corner in rings.living(mesh, to) {
             for vertex in mesh.others_of(corner) {
                 let mark = &mut self.mark[vertex];
-                if *mark == seen {
-                    *mark = common;
+                if *mark == self.epoch {
+                    *mark = 0;
                     count += 1;
                 }
             }
