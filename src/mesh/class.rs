@@ -249,9 +249,6 @@ impl Classifier {
                 return Class::Complex;
             }
             if next.ends == 0 {
-                if start.is_some() {
-                    return Class::Complex;
-                }
                 start = Some(i);
             }
         }
@@ -446,7 +443,8 @@ mod tests {
         wedges: [u32; 3],
     }
 
-    /// Closed and open fans; some have one face reversed, or one additional face anywhere.
+    /// Closed and open fans, some of one chart, and pairs of closed ones; some have one face reversed, or one
+    /// additional face anywhere.
     fn fan() -> impl Strategy<Value = Vec<Around>> {
         let wedges = prop::array::uniform3(prop_oneof![3 => Just(0u32), 1 => 1u32..3]);
         let face = ((1u32..8, 1u32..7), wedges.clone());
@@ -456,13 +454,20 @@ mod tests {
             1 => any::<prop::sample::Index>().prop_map(|at| Some((at, None))),
             1 => (any::<prop::sample::Index>(), wild).prop_map(|(at, face)| Some((at, Some(face)))),
         ];
-        let fan = (prop::collection::vec(wedges, 1..8), any::<bool>(), change);
-        fan.prop_map(|(wedges, is_open, change)| {
+        let kind = prop_oneof![Just([true, false]), Just([false, false]), Just([false, true])];
+        let fan = (prop::collection::vec(wedges, 1..8), any::<bool>(), kind, change);
+        fan.prop_map(|(wedges, is_one_chart, [is_open, is_pair], change)| {
             let count = wedges.len() as u32;
             let ring = if is_open || count < 3 { 8 } else { count };
-            let faces = (0..count).zip(wedges);
-            let mut faces: Vec<_> =
-                faces.map(|(at, wedges)| Around { ends: [at % ring + 1, (at + 1) % ring + 1], wedges }).collect();
+            let around = |(at, wedges)| Around {
+                ends: [at % ring + 1, (at + 1) % ring + 1],
+                wedges: if is_one_chart { [0; 3] } else { wedges },
+            };
+            let mut faces: Vec<_> = (0..count).zip(wedges).map(around).collect();
+            if is_pair && count >= 6 {
+                faces[2].ends[1] = 1;
+                faces[count as usize - 1].ends[1] = 4;
+            }
             match change {
                 None => {}
                 Some((at, None)) => at.get_mut(&mut faces[..]).ends.reverse(),
@@ -528,6 +533,17 @@ mod tests {
         }
     }
 
+    /// Whether some edge of a vertex has one face.
+    fn has_border(faces: &[Around], vertex: LocalVertex) -> bool {
+        let mut counts = std::collections::BTreeMap::new();
+        for &Around { ends: [a, b], .. } in faces {
+            for [one, other] in [[0, a], [a, b], [b, 0]].map(|edge| edge.map(v)) {
+                *counts.entry([one.min(other), one.max(other)]).or_insert(0) += 1;
+            }
+        }
+        counts.iter().any(|(edge, &count)| count == 1 && edge.contains(&vertex))
+    }
+
     /// A mesh of faces around vertex 0.
     fn mesh_around(faces: &[Around]) -> ClusterMesh {
         let mut mesh = ClusterMesh::default();
@@ -562,6 +578,10 @@ mod tests {
                 rings.build(&mesh);
                 let shows_back = classify(&mesh, &rings, &mut classes);
                 prop_assert_eq!(classes[v(0)], expected_class(&faces), "{:?}", faces);
+                for (vertex, class) in classes.iter_enumerated() {
+                    let is_known = ![Class::Complex, Class::Fixed].contains(class);
+                    prop_assert!(!is_known || class.may_border() == has_border(&faces, vertex), "{vertex:?} {faces:?}");
+                }
                 prop_assert!(expected_back(&faces).is_none_or(|expected| shows_back == expected), "{:?}", faces);
             }
         }
