@@ -84,8 +84,7 @@ impl Header {
         if word(16) != FORMAT_VERSION {
             return Err(format!("its format is version {}, this program writes version {FORMAT_VERSION}", word(16)));
         }
-        let mut kind = [0; 8];
-        kind.copy_from_slice(&bytes[8..16]);
+        let kind = std::array::from_fn(|k| bytes[8 + k]);
         Ok(Self { kind, record_bytes: word(20), count: long(24), checksum: long(32) })
     }
 }
@@ -112,6 +111,8 @@ pub fn checked_header(path: &Path) -> Header {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     #[test]
@@ -128,6 +129,31 @@ mod tests {
         seal(&mut bytes);
         assert!(Header::decode(&bytes).unwrap_err().contains("begin"));
         assert_eq!(Header::version(&bytes), None);
+    }
+
+    proptest! {
+        #[test]
+        fn a_header_is_laid_out_as_described(
+            kind in any::<[u8; 8]>(),
+            record_bytes: u32,
+            count: u64,
+            checksum: u64,
+            version: u32,
+        ) {
+            let header = Header { kind, record_bytes, count, checksum };
+            let size = record_bytes.to_le_bytes();
+            let [count, checksum] = [count, checksum].map(u64::to_le_bytes);
+            let layout = |version: u32| {
+                let parts = [b"drystone", &kind[..], &version.to_le_bytes(), &size, &count, &checksum, &[0; 16]];
+                let parts = parts.concat();
+                let own = xxh3_64(&parts).to_le_bytes();
+                <[u8; 64]>::try_from([&parts[..], &own].concat()).unwrap()
+            };
+            prop_assert_eq!(header.encode(), layout(FORMAT_VERSION));
+            prop_assert_eq!(Header::decode(&header.encode()), Ok(header));
+            prop_assert_eq!(Header::version(&layout(version)), Some(version));
+            prop_assert_eq!(Header::decode(&layout(version)).is_ok(), version == FORMAT_VERSION);
+        }
     }
 
     #[test]
