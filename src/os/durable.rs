@@ -420,6 +420,7 @@ mod tests {
                 file.write(b"hello").unwrap();
                 witness::take();
                 file.sync_ahead().unwrap();
+                assert!(file.must_last() || file.ahead.is_none(), "{must_last:?}");
                 file.commit().unwrap();
                 let calls: Vec<_> = witness::take().into_iter().map(|(what, _)| what).collect();
                 let expected: &[&str] = if is_synced { &["sync", "rename", "sync"] } else { &["rename"] };
@@ -456,6 +457,22 @@ mod tests {
         file.commit().unwrap();
         assert_eq!(fs::read(&path).unwrap(), [7; 120]);
         assert!(witness::take().iter().any(|&(what, _)| what == "rename"));
+    }
+
+    #[test]
+    fn no_sync_begins_ahead_while_another_lasts_whose_failure_is_told_at_the_end() {
+        use std::sync::mpsc::channel;
+        let (_folder, _, mut file) = sealed();
+        let (end, ended) = channel::<()>();
+        // It ends by itself if it is waited for.
+        let fail = |_| Err(Error::Stopped);
+        file.ahead = Some(std::thread::spawn(move || fail(ended.recv_timeout(Duration::from_secs(1)))));
+        let thread = |file: &DurableFile| file.ahead.as_ref().map(|thread| thread.thread().id());
+        let first = thread(&file);
+        file.sync_ahead().unwrap();
+        assert!(first.is_some() && thread(&file) == first);
+        drop(end);
+        assert!(matches!(file.commit(), Err(Error::Stopped)));
     }
 
     #[cfg(target_os = "linux")]
@@ -546,6 +563,18 @@ mod tests {
     }
 
     #[test]
+    fn folders_on_the_way_are_made_but_not_in_the_place_of_a_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let [one, other] = ["one", "other"].map(|name| folder.path().join(name));
+        // `one/..` is there as soon as `one` is.
+        make_folders(&one.join("../other")).unwrap();
+        assert!(one.is_dir() && other.is_dir());
+        fs::write(one.join("file"), "mine").unwrap();
+        assert!(matches!(make_folders(&one.join("file")), Err(Error::Io { .. })));
+        assert!(matches!(make_folders(&one.join("file/more")), Err(Error::Io { .. })));
+    }
+
+    #[test]
     fn nothing_of_the_users_is_taken_for_a_left_over() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("city.obj");
@@ -577,6 +606,19 @@ mod tests {
         assert!(without_patience.unwrap().is_none());
         drop(held);
         assert!(lock_while_open(folder.path(), || Err(Error::Stopped)).unwrap().is_some());
+    }
+
+    #[test]
+    fn time_passes_between_two_looks_at_a_lock() {
+        let folder = tempfile::tempdir().unwrap();
+        let _held = lock_while_open(folder.path(), || Ok(())).unwrap();
+        let mut looks = 0;
+        let count = || {
+            looks += 1;
+            Ok(())
+        };
+        assert!(lock_within(3 * LOCK_INTERVAL, folder.path(), count).unwrap().is_none());
+        assert!(looks <= 3, "{looks}");
     }
 
     #[test]
