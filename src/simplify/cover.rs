@@ -224,7 +224,81 @@ mod tests {
         [point(), point(), point()]
     }
 
+    /// The parts that are found, with their targets and bounds, by the same rule with nothing kept between parts.
+    fn expected(triangle: [DVec3; 3], targets: &[CoveredFace], most: f64) -> Option<Vec<(usize, f64)>> {
+        let mut parts = Parts::default();
+        let mut waiting = vec![ConvexPolygon::triangle(triangle.map(|corner| parts.push(corner)))];
+        let (mut made, mut farthest, mut found) = (1, 0f64, Vec::new());
+        while let Some(part) = waiting.pop() {
+            let corners: Vec<DVec3> = part.corners().iter().map(|&corner| parts.point(corner)).collect();
+            let to_all = |target: usize| corners.iter().map(move |&corner| targets[target].distance(corner));
+            let bounds = (0..targets.len()).map(|target| (target, to_all(target).fold(0.0, f64::max)));
+            let (target, bound) = bounds.min_by(|a, b| a.1.total_cmp(&b.1))?;
+            let nearest = |corner: &DVec3| targets.iter().map(|t| t.distance(*corner)).fold(f64::INFINITY, f64::min);
+            let farthest_corner = corners.iter().map(nearest).fold(0.0, f64::max);
+            farthest = farthest.max(farthest_corner);
+            if bound <= most && (made >= 48 || bound <= 1.15 * farthest + most / 128.0) {
+                found.push((target, bound));
+                continue;
+            }
+            if made >= 48 || farthest_corner > most {
+                return None;
+            }
+            let sum = |target: &usize| to_all(*target).sum::<f64>();
+            let beside = (0..targets.len()).min_by(|a, b| sum(a).total_cmp(&sum(b)))?;
+            let before = waiting.len();
+            if !parts.cut_along(&part, targets[beside].sides(), |part| waiting.push(part)) {
+                waiting.extend(parts.halves(&part));
+            }
+            made += waiting.len() - before;
+        }
+        Some(found)
+    }
+
+    /// Few places, so that triangles share corners.
+    fn set(most: usize) -> impl Strategy<Value = Vec<[DVec3; 3]>> {
+        let triangles = prop::collection::vec(prop::array::uniform3(0..6usize), 0..most);
+        (prop::array::uniform6(point()), triangles)
+            .prop_map(|(places, triangles)| triangles.into_iter().map(|at| at.map(|at| places[at])).collect())
+    }
+
+    fn bases() -> impl Strategy<Value = [f64; 5]> {
+        prop::array::uniform5(prop_oneof![Just(0.0), 0.0..0.2f64])
+    }
+
     proptest! {
+        #[test]
+        fn the_planes_through_the_sides_of_a_face_are_perpendicular_to_it(corners in triangle()) {
+            let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+            prop_assume!(normal.length() > 1e-3);
+            let sides = CoveredFace { corners, base: 0.0 }.sides();
+            for (k, (outward, offset)) in sides.into_iter().enumerate() {
+                let [p, q, inside] = [k, (k + 1) % 3, (k + 2) % 3].map(|k| outward.dot(corners[k]) - offset);
+                prop_assert!(p.abs() < 1e-12 && q.abs() < 1e-12 && inside < -1e-9, "{p} {q} {inside}");
+                prop_assert!(outward.dot(normal).abs() < 1e-12);
+            }
+        }
+
+        #[test]
+        fn what_was_covered_before_makes_no_difference(
+            rounds in prop::collection::vec((set(5), set(4), bases()), 1..3),
+            most in prop_oneof![0.05..1.0f64, 1.0..3.0f64],
+        ) {
+            let mut cover = Cover::default();
+            for (set, triangles, bases) in rounds {
+                let targets = set.into_iter().zip(bases).map(|(corners, base)| CoveredFace { corners, base });
+                let targets: Vec<CoveredFace> = targets.collect();
+                cover.aim_at(targets.iter().copied());
+                for triangle in triangles {
+                    let mut found = Vec::new();
+                    let is_covered = cover.cover(triangle, most, |target, bound| found.push((target, bound)));
+                    prop_assert_eq!(is_covered.then_some(found), expected(triangle, &targets, most));
+                    // Only the corners of these triangles are kept.
+                    prop_assert!(cover.cutter.points.len() <= 6);
+                }
+            }
+        }
+
         #[test]
         fn no_point_is_farther_than_the_bound(
             triangle in triangle(),
