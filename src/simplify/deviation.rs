@@ -85,6 +85,8 @@ impl Patches {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     const TRIANGLE: [DVec3; 3] = [DVec3::ZERO, DVec3::X, DVec3::Y];
@@ -118,6 +120,7 @@ mod tests {
         let lifted = TRIANGLE.map(|p| p + 0.25 * DVec3::Z);
         assert_eq!(bounds(&[(TRIANGLE, 0.0), (beside, 0.5)], &[lifted, beside], 1.0), Some(vec![0.25, 0.5]));
     }
+
     #[test]
     fn a_face_that_stays_stands_for_one_that_vanishes() {
         let above = TRIANGLE.map(|p| p + DVec3::Z * 0.25);
@@ -131,5 +134,62 @@ mod tests {
         assert_eq!(bound(1.0, 0.9), Some(vec![0.9]));
         assert_eq!(bound(0.7, 0.0), None);
         assert!(bounds(&[(TRIANGLE, 0.0)], &[], 1.0).is_none());
+        assert!(bounds(&[], &[], 1.0).is_none());
+    }
+
+    fn triangle() -> impl Strategy<Value = [DVec3; 3]> {
+        let corner = || (-1.0..1.0, -1.0..1.0, -0.2..0.2).prop_map(DVec3::from);
+        [corner(), corner(), corner()]
+    }
+
+    fn points([a, b, c]: [DVec3; 3]) -> impl Iterator<Item = DVec3> {
+        let shares = (0..=8).flat_map(|i| (0..=8 - i).map(move |j| [i, j].map(|k| f64::from(k) / 8.0)));
+        shares.map(move |[u, v]| a * u + b * v + c * (1.0 - u - v))
+    }
+
+    fn faces(most: usize) -> impl Strategy<Value = Vec<([DVec3; 3], f32)>> {
+        prop::collection::vec((triangle(), 0.0..0.2f32), 0..most)
+    }
+
+    fn distance(point: DVec3, corners: [DVec3; 3]) -> f64 {
+        CoveredFace { corners, base: 0.0 }.distance(point)
+    }
+
+    proptest! {
+        #[test]
+        fn all_points_of_one_side_are_within_the_bounds_of_faces_of_the_other(
+            rounds in prop::collection::vec((faces(4), faces(3), faces(3)), 1..4),
+            most in 0.3..3.0f64,
+        ) {
+            let mut used = Patches::default();
+            for (old, new, kept) in rounds {
+                let bounds_in = |patches: &mut Patches| {
+                    old.iter().for_each(|&(corners, bound)| patches.push_old(corners, bound));
+                    new.iter().for_each(|&(corners, _)| patches.push_new(corners));
+                    kept.iter().for_each(|&(corners, bound)| patches.push_kept(corners, bound));
+                    patches.bound(most).ok().map(Iterator::collect::<Vec<f32>>)
+                };
+                used.clear();
+                let found = bounds_in(&mut used);
+                prop_assert_eq!(&found, &bounds_in(&mut Patches::default()));
+                let Some(found) = found else { continue };
+                prop_assert_eq!(found.len(), new.len() + kept.len());
+                let within =
+                    |base: f32, distance: f64, bound: f32| f64::from(base) + distance <= f64::from(bound) + 1e-12;
+                let is_near = |point: DVec3, base: f32| {
+                    let faces = new.iter().chain(&kept).zip(&found);
+                    faces.into_iter().any(|((corners, _), &bound)| within(base, distance(point, *corners), bound))
+                };
+                for &(corners, base) in &old {
+                    prop_assert!(points(corners).all(|point| is_near(point, base)));
+                }
+                for (&(corners, _), &bound) in new.iter().zip(&found) {
+                    let is_near = |p: DVec3| old.iter().any(|&(face, base)| within(base, distance(p, face), bound));
+                    prop_assert!(points(corners).all(is_near) && f64::from(bound) <= most + 1e-6);
+                }
+                let grows = |((_, before), bound): (&([DVec3; 3], f32), &f32)| bound >= before;
+                prop_assert!(kept.iter().zip(&found[new.len()..]).all(grows));
+            }
+        }
     }
 }
