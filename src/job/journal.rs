@@ -244,6 +244,7 @@ pub(super) fn now() -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::os::durable::witness;
 
     fn failed(message: &str) -> Entry {
         Entry::Failed { time: 7, message: message.into() }
@@ -298,5 +299,85 @@ mod tests {
         let half = (bytes.len() - 64) / 2;
         std::fs::write(&path, [&bytes[..64], &bytes[64 + half..], &bytes[64..64 + half]].concat()).unwrap();
         assert!(read(&path, 5).unwrap().entries.is_empty());
+    }
+
+    /// A journal of manifest 5 with one entry, its path and its folder.
+    fn with_one_entry() -> (tempfile::TempDir, PathBuf, Journal) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("journal.bin");
+        let mut journal = Journal::create(&path, 5).unwrap();
+        journal.append(&failed("one")).unwrap();
+        (folder, path, journal)
+    }
+
+    #[test]
+    fn a_journal_is_known_by_its_header() {
+        let (_folder, path, journal) = with_one_entry();
+        drop(journal);
+        let bytes = std::fs::read(&path).unwrap();
+        let (header, entries) = bytes.split_first_chunk().unwrap();
+        let header = Header::decode(header).unwrap();
+        assert_eq!(header, Header { kind: *b"journal ", record_bytes: 0, count: 0, checksum: 5 });
+        let reads_as = |header: Header| {
+            std::fs::write(&path, [&header.encode(), entries].concat()).unwrap();
+            read(&path, 5).map(|contents| contents.entries.len())
+        };
+        assert!(matches!(reads_as(header), Ok(1)));
+        assert!(matches!(reads_as(Header { kind: *b"journey ", ..header }), Err(Error::Damaged { .. })));
+        assert!(matches!(reads_as(Header { checksum: 6, ..header }), Err(Error::Damaged { .. })));
+    }
+
+    #[test]
+    fn entries_are_synced_when_told_to_or_after_a_second() {
+        let (_folder, path, mut journal) = with_one_entry();
+        let synced = [("sync", path.clone())];
+        witness::take();
+        journal.sync().unwrap();
+        assert_eq!(witness::take(), synced);
+        journal.sync().unwrap();
+        assert_eq!(witness::take(), [], "nothing is new");
+        journal.synced = Instant::now() - 2 * SYNC_INTERVAL;
+        journal.append(&failed("two")).unwrap();
+        assert!(journal.is_durable() && witness::take() == synced);
+        journal.append(&failed("three")).unwrap();
+        assert!(!journal.is_durable() && witness::take().is_empty());
+        drop(journal);
+        assert!(Journal::open(&path, 5, true).unwrap().0.is_durable());
+    }
+
+    #[test]
+    fn a_journal_that_takes_no_bytes_tells_so() {
+        let (_folder, path, mut journal) = with_one_entry();
+        journal.file = File::open(&path).unwrap();
+        assert!(journal.append(&failed("two")).is_err() && journal.cut().is_err());
+        assert_eq!(messages(&read(&path, 5).unwrap().entries), ["one"]);
+    }
+
+    #[test]
+    fn what_follows_the_entries_is_damage_unless_it_may_be_the_beginning_of_one() {
+        let (_folder, path, journal) = with_one_entry();
+        drop(journal);
+        let whole = std::fs::read(&path).unwrap();
+        let frame = |length: u32| {
+            let checksum = length_checksum(length, whole.len() as u64);
+            [&length.to_le_bytes()[..], &checksum.to_le_bytes(), &[7; 8]].concat()
+        };
+        let most = 64 << 20;
+        for (rest, is_damage) in [
+            (vec![], false),
+            (vec![1; 15], false),
+            (vec![1; 16], true),
+            (vec![0; 40], false),
+            (frame(9)[..15].to_vec(), false),
+            (frame(9), false),
+            (frame(most), false),
+            (frame(most + 1), true),
+            ([frame(9), vec![1; 8]].concat(), false),
+            ([frame(9), vec![1; 9]].concat(), true),
+        ] {
+            std::fs::write(&path, [&whole[..], &rest].concat()).unwrap();
+            let contents = read(&path, 5).unwrap();
+            assert_eq!((contents.entries.len(), contents.is_spoilt), (1, is_damage), "{rest:?}");
+        }
     }
 }
