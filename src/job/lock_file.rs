@@ -83,6 +83,13 @@ mod tests {
     }
 
     #[test]
+    fn what_is_no_file_is_no_lock_of_another_process() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join(LOCK)).unwrap();
+        assert!(matches!(lock_folder(folder.path()), Err(Error::Io { .. })));
+    }
+
+    #[test]
     fn a_locked_folder_is_locked_until_the_lock_is_given_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("work");
