@@ -353,9 +353,11 @@ mod tests {
         assert!(std::thread::scope(|scope| {
             let claim = scope.spawn(|| Lease::claim_with(folder.path(), Patience { looks: 1000, ..SHORT }, &Silent));
             let held = scope.spawn(|| is_held(folder.path()));
+            // In its place, as leases are renewed: `fs::write` empties the file first.
+            let file = File::options().write(true).open(&path).unwrap();
             let mut beats = 2;
             while !claim.is_finished() || !held.is_finished() {
-                fs::write(&path, OTHERS.replace("01 ", &format!("{beats:02} "))).unwrap();
+                write_all_at(&file, OTHERS.replace("01 ", &format!("{beats:02} ")).as_bytes(), 0).unwrap();
                 beats = 2 + (beats + 1) % 90;
                 std::thread::sleep(Duration::from_millis(50));
             }
