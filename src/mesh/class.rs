@@ -88,7 +88,7 @@ impl Class {
         matches!(self, Class::Corner | Class::BorderSeam | Class::BorderCorner)
     }
 
-    /// Whether a vertex of this class may have border edges.
+    /// Whether a vertex of this class may have border edges that change: those of fixed vertices do not.
     pub fn may_border(self) -> bool {
         self.is_border() || self == Self::Complex
     }
