@@ -13,6 +13,8 @@ use std::path::Path;
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
+use crate::base::pool::in_parallel;
+
 /// Bytes of a decoded pixel.
 const PIXEL_BYTES: u64 = 3;
 /// Bytes of a pixel's coefficients, which the decoder of a progressive JPEG keeps for the whole image.
@@ -197,7 +199,7 @@ fn decode_small_jpeg(path: &Path, plan: &DecodePlan) -> Result<Image, String> {
     let mut decoder = jpeg_decoder::Decoder::new(BufReader::new(file));
     let [width, height] = plan.size.map(|side| u16::try_from(side.div_ceil(plan.reduction)).unwrap_or(u16::MAX));
     let (width, height) = decoder.scale(width, height).map_err(|e| e.to_string())?;
-    let pixels = decoder.decode().map_err(|e| e.to_string())?;
+    let pixels = in_parallel(|| decoder.decode()).map_err(|e| e.to_string())?;
     let format = decoder.info().ok_or("without header")?.pixel_format;
     let pixels = match format {
         jpeg_decoder::PixelFormat::RGB24 => pixels,

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import signal
 import subprocess
 import time
@@ -25,6 +26,14 @@ def peak_resident_bytes(process_id):
     except OSError:
         pass
     return 0
+
+
+def thread_count(process_id):
+    """Threads of a process, or 0 once it is gone or where there is no /proc."""
+    try:
+        return len(os.listdir(f"/proc/{process_id}/task"))
+    except OSError:
+        return 0
 
 
 def simplify_in_128_mib(drystone, source, tmp_path, *options):
@@ -73,20 +82,47 @@ def test_every_metric_and_remeshing_fit_into_128_mib(drystone, middle_town, tmp_
     assert report["faces"]["output"] < report["faces"]["input"]
 
 
-@pytest.mark.parametrize("ending", ["jpg", "png"])
-def test_images_that_do_not_fit_are_baked_at_a_lower_resolution(drystone, tmp_path, ending):
+def write_square_with_a_large_image(folder, ending):
+    """A square that shows an image of 264 MiB once decoded; the path of the mesh."""
     side = 9600
     across, down = np.meshgrid(np.arange(side, dtype=np.uint16), np.arange(side, dtype=np.uint16))
     pixels = np.stack([across >> 5, down >> 5, (across >> 7 ^ down >> 7) % 2 * 200], axis=-1).astype(np.uint8)
-    Image.fromarray(pixels).save(tmp_path / f"large.{ending}", **({"subsampling": 0} if ending == "jpg" else {"compress_level": 1}))
-    (tmp_path / "in.mtl").write_text(f"newmtl large\nmap_Kd large.{ending}\n")
+    options = {"subsampling": 0} if ending == "jpg" else {"compress_level": 1}
+    Image.fromarray(pixels).save(folder / f"large.{ending}", **options)
+    (folder / "in.mtl").write_text(f"newmtl large\nmap_Kd large.{ending}\n")
     corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
     lines = [f"v {10 * u} {10 * v} 0\nvt {u} {v}\n" for u, v in corners]
-    (tmp_path / "in.obj").write_text("mtllib in.mtl\nusemtl large\n" + "".join(lines) + "f 1/1 2/2 3/3 4/4\n")
-    options = ["--ratio", "1", "--textures", "bake", "--texels", "0.01", "--atlas", "1024"]
-    report = simplify_in_128_mib(drystone, tmp_path / "in.obj", tmp_path, *options)
+    (folder / "in.obj").write_text("mtllib in.mtl\nusemtl large\n" + "".join(lines) + "f 1/1 2/2 3/3 4/4\n")
+    return folder / "in.obj"
+
+
+REDUCED_BAKE = ["--ratio", "1", "--textures", "bake", "--texels", "0.01", "--atlas", "1024"]
+
+
+@pytest.mark.parametrize("ending", ["jpg", "png"])
+def test_images_that_do_not_fit_are_baked_at_a_lower_resolution(drystone, tmp_path, ending):
+    report = simplify_in_128_mib(drystone, write_square_with_a_large_image(tmp_path, ending), tmp_path, *REDUCED_BAKE)
     assert report["repairs"]["reduced_image"] == 1
     assert report["bake"]["colourless"] == 0
+
+
+def test_a_jpeg_is_decoded_by_no_more_threads_than_a_png(drystone, tmp_path):
+    """Threads beyond `--threads` wait for each other without a limit on what waits between them."""
+    most = {}
+    for ending in ["jpg", "png"]:
+        folder = tmp_path / ending
+        folder.mkdir()
+        source = write_square_with_a_large_image(folder, ending)
+        command = [drystone.binary, "simplify", source, "-o", folder / "out.obj", "--memory", "128MiB", *REDUCED_BAKE]
+        command += ["--threads", "1", "--quiet"]
+        process = subprocess.Popen(list(map(str, command)), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        most[ending] = 0
+        while process.poll() is None:
+            most[ending] = max(most[ending], thread_count(process.pid))
+            time.sleep(0.002)
+        assert process.returncode == 0
+    # One may be missed between two looks.
+    assert most["jpg"] <= most["png"] + 1
 
 
 def test_a_metric_that_does_not_fit_is_refused_with_what_would_do(drystone, middle_town, tmp_path):
