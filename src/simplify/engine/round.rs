@@ -166,7 +166,8 @@ impl<M: Metric> Engine<M> {
         let (Stop::Faces(target) | Stop::Cost(_, target)) = stop;
         let dying_max = self.mesh.face_count.saturating_sub(target) + BELOW_MAX;
         let stays = self.stays(to);
-        let neighbour = self.loners.neighbour_of(from).map(|neighbour| self.followed(neighbour));
+        let neighbour = if fan.is_alone { self.loners.neighbour_of(from) } else { None };
+        let neighbour = neighbour.map(|neighbour| self.followed(neighbour));
         let collapse = Collapse { from, to, onto, stays, chain, fan, cost: price, dying_max, neighbour, inset };
         match self.collapser.try_collapse(&mut self.mesh, &self.rings, &mut self.cost, collapse) {
             Ok(died) => {
