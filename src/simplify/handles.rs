@@ -12,6 +12,7 @@
 
 use glam::{DVec2, DVec3};
 
+use crate::base::id::TiVec;
 use crate::geometry::triangle::is_line;
 use crate::mesh::class::{Class, Classes};
 use crate::mesh::cluster::{ClusterMesh, flag};
@@ -22,6 +23,9 @@ use crate::mesh::ring::{Rings, Spoke};
 /// Distance in texture space of a closing face's third corner beyond the side that its texture is taken from, relative
 /// to that side.
 const LEAN: f64 = 0.05;
+
+/// A vertex inside the surface has two faces at each of its edges, and two edges of each handle that it is on.
+const SHORT_SIDES_MIN: u8 = 4;
 
 /// Three vertices, joined pairwise by edges, that are not the corners of a face.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,7 +50,8 @@ pub fn find(
     // For each neighbour of the current vertex `a`: `a`, and the vertex that follows the neighbour in the one-ring.
     let mut around = mesh.per_vertex([LocalVertex::NONE; 2]);
     let (mut found, mut ends) = (Vec::new(), Vec::new());
-    for a in mesh.vertex_ids().filter(|&v| is_inside(v)) {
+    let short_sides = count_short_sides(mesh, most_sq);
+    for a in mesh.vertex_ids().filter(|&v| short_sides[v] >= SHORT_SIDES_MIN && is_inside(v)) {
         // Each path is found from its lowest vertex.
         ends.clear();
         for [b, follower] in rings.link_edges(mesh, a) {
@@ -72,6 +77,21 @@ pub fn find(
     }
     found.sort_by(|a, b| a.length_sq.total_cmp(&b.length_sq).then(a.vertices.cmp(&b.vertices)));
     found
+}
+
+/// For each vertex how many sides of faces around it are short enough for a handle; many count as `u8::MAX`.
+fn count_short_sides(mesh: &ClusterMesh, most_sq: f64) -> TiVec<LocalVertex, u8> {
+    let mut counts = mesh.per_vertex(0u8);
+    for face in mesh.living_faces() {
+        let vertices = mesh.vertices(face);
+        for (a, b) in [(0, 1), (1, 2), (2, 0)].map(|(i, j)| (vertices[i], vertices[j])) {
+            let is_short = u8::from(mesh.positions[a].distance_squared(mesh.positions[b]) <= most_sq);
+            for end in [a, b] {
+                counts[end] = counts[end].saturating_add(is_short);
+            }
+        }
+    }
+    counts
 }
 
 /// Cuts handles, except those that share a vertex with one cut before. Returns the vertices whose classes have changed;
