@@ -17,12 +17,12 @@ use serde::Serialize;
 use super::surface::Surface;
 use super::tjunction::count_t_junctions;
 use crate::base::Result;
-use crate::base::id::{TiSlice, TiVec};
+use crate::base::id::{TiSlice, TiVec, ids};
 use crate::base::pool::{blocks_until_stopped, check_stopped, in_parallel};
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::triangle::has_no_area;
 use crate::mesh::forest::DisjointSets;
-use crate::mesh::id::{Corner, FaceId};
+use crate::mesh::id::FaceId;
 use crate::model::face::repeats_vertex;
 use crate::model::id::MeshVertex;
 use crate::topology::atlas::UvCounts;
@@ -144,12 +144,23 @@ pub fn weld_and_check(surface: &Surface) -> Result<Check> {
     Ok(Check { degenerate_faces: dropped as u64, ..check(&welded)? })
 }
 
+ids! {
+    /// A corner of a surface's face: 3 × the face + its index in the face.
+    SurfaceCorner;
+}
+
+impl SurfaceCorner {
+    fn at(face: FaceId, index: usize) -> Self {
+        Self::new(3 * face.number() + index as u32)
+    }
+}
+
 /// Vertices whose faces are not all connected over edges at the vertex.
 fn count_non_manifold_vertices(surface: &Surface, edges: &EdgeTable<MeshVertex>) -> Result<u64> {
     let faces = &surface.faces;
     let mut fans = DisjointSets::new(faces.len() * 3);
     edges.try_for_each(|edge| {
-        let at_ends = |at: usize| edge[at].corners(faces).map(|corner| Corner::at(edge[at].face(), corner));
+        let at_ends = |at: usize| edge[at].corners(faces).map(|corner| SurfaceCorner::at(edge[at].face(), corner));
         for other in 1..edge.len() {
             at_ends(0).into_iter().zip(at_ends(other)).for_each(|(a, b)| fans.join(a, b));
         }
@@ -158,7 +169,8 @@ fn count_non_manifold_vertices(surface: &Surface, edges: &EdgeTable<MeshVertex>)
     for block in blocks_until_stopped(faces.len()) {
         let numbered = block?.map(|face| (FaceId::from(face), &faces.raw[face]));
         for (face, vertices) in numbered.filter(|(_, vertices)| !repeats_vertex(**vertices)) {
-            for (_, &vertex) in vertices.iter().enumerate().filter(|&(at, _)| fans.is_root(Corner::at(face, at))) {
+            for (_, &vertex) in vertices.iter().enumerate().filter(|&(at, _)| fans.is_root(SurfaceCorner::at(face, at)))
+            {
                 fans_at[vertex] = fans_at[vertex].saturating_add(1);
             }
         }

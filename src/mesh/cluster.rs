@@ -147,13 +147,13 @@ impl ClusterMesh {
     /// Wedge of a corner, whose face must not be dead.
     #[inline]
     pub fn wedge_of(&self, corner: Corner) -> Wedge {
-        self.corners.raw.as_flattened()[corner.index()]
+        self.corners.raw.as_flattened()[corner.place()]
     }
 
     /// Vertex of a corner, whose face must not be dead.
     #[inline]
     pub fn vertex_of(&self, corner: Corner) -> LocalVertex {
-        self.corner_vertices.raw.as_flattened()[corner.index()]
+        self.corner_vertices.raw.as_flattened()[corner.place()]
     }
 
     /// The next and the previous vertex in the face of a corner, counter-clockwise; the face must not be dead.
@@ -171,13 +171,13 @@ impl ClusterMesh {
     /// Sets the wedge of a corner.
     #[inline]
     pub fn set_wedge(&mut self, corner: Corner, wedge: Wedge) {
-        self.corners.raw.as_flattened_mut()[corner.index()] = wedge;
+        self.corners.raw.as_flattened_mut()[corner.place()] = wedge;
     }
 
     /// Sets the vertex of a corner.
     #[inline]
     pub fn set_vertex(&mut self, corner: Corner, vertex: LocalVertex) {
-        self.corner_vertices.raw.as_flattened_mut()[corner.index()] = vertex;
+        self.corner_vertices.raw.as_flattened_mut()[corner.place()] = vertex;
     }
 
     /// Whether the face was removed.

@@ -7,7 +7,7 @@ ids! {
     LocalVertex;
     /// A wedge: all corners of a vertex with the same texture coordinate and material.
     Wedge;
-    /// A corner of a face: 3 × the face + its index in the face.
+    /// A corner of a face: 4 × the face + its index in the face, so that no division takes them apart.
     Corner;
     /// A face.
     FaceId;
@@ -17,26 +17,33 @@ impl Corner {
     /// The corner of a face with an index of 0 to 2.
     #[inline(always)]
     pub const fn at(face: FaceId, index: usize) -> Self {
-        Self::new(3 * face.number() + index as u32)
+        Self::new(4 * face.number() + index as u32)
     }
 
     /// Its face.
     #[inline(always)]
     pub const fn face(self) -> FaceId {
-        FaceId::new(self.number() / 3)
+        FaceId::new(self.number() / 4)
     }
 
     /// Its index in its face, 0 to 2.
     #[inline(always)]
     pub const fn index_in_face(self) -> usize {
-        self.index() % 3
+        self.index() % 4
+    }
+
+    /// Its place among the corners of all faces, three a face.
+    #[inline(always)]
+    pub const fn place(self) -> usize {
+        self.index() - self.index() / 4
     }
 
     /// The next and the previous corner in the face, counter-clockwise.
     #[inline(always)]
     pub fn others(self) -> [Self; 2] {
         // A table lookup, because a branch on the corner's index would be unpredictable.
-        const STEPS: [[u32; 2]; 3] = [[1, 2], [1, 1u32.wrapping_neg()], [2u32.wrapping_neg(), 1u32.wrapping_neg()]];
+        const STEPS: [[u32; 2]; 4] =
+            [[1, 2], [1, 1u32.wrapping_neg()], [2u32.wrapping_neg(), 1u32.wrapping_neg()], [0, 0]];
         STEPS[self.index_in_face()].map(|step| Self::new(self.number().wrapping_add(step)))
     }
 
