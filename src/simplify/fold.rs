@@ -34,8 +34,9 @@ pub struct FoldCheck {
     looks_at_all: bool,
     /// Corners of changing faces that may fold onto a face that does not change.
     turned: Vec<Corner>,
-    /// Subset of `turned`: corners of faces that may fold onto another changing face.
-    opposed: Vec<Corner>,
+    /// Indices of the changing faces that may fold onto another changing face; all are turned.
+    opposed: Vec<usize>,
+    /// The changing faces again, in their order, once there is an opposed one.
     joined: Vec<Joined>,
 }
 
@@ -89,14 +90,14 @@ impl FoldCheck {
         let are_few = self.looks_at_all || self.changing.len() <= FEW_FACES;
         self.turned.clear();
         self.opposed.clear();
-        for &Changing { corner, normal, turns } in &self.changing {
+        for (place, &Changing { corner, normal, turns }) in self.changing.iter().enumerate() {
             let along = normal.dot(sum);
             let [along_sq, lengths_sq] = [along * along, normal.length_squared() * sum_sq];
-            let leans = |cosine_sq: f64| along <= 0.0 || along_sq < cosine_sq * lengths_sq;
-            if are_few || turns || leans(LEAN_COSINE_SQ) {
+            let leans = |cosine_sq: f64| (along <= 0.0) | (along_sq < cosine_sq * lengths_sq);
+            if are_few | turns | leans(LEAN_COSINE_SQ) {
                 self.turned.push(corner);
-                if self.looks_at_all || leans(OPPOSED_COSINE_SQ) {
-                    self.opposed.push(corner);
+                if self.looks_at_all | leans(OPPOSED_COSINE_SQ) {
+                    self.opposed.push(place);
                 }
             }
         }
@@ -128,26 +129,45 @@ impl FoldCheck {
         }
         self.joined.clear();
         self.joined.extend(self.changing.iter().map(|face| Joined::of(mesh, face.corner)));
-        self.opposed.iter().any(|&corner| {
-            let one = Joined::of(mesh, corner);
-            self.joined.iter().any(|other| other.corner != corner && fold_together(mesh, [&one, other], position))
+        self.opposed.iter().any(|&place| {
+            let one = &self.joined[place];
+            // Where all faces are opposed, each pair is looked at once.
+            let others = if self.looks_at_all { &self.joined[place + 1..] } else { &self.joined[..] };
+            others.iter().any(|other| other.corner != one.corner && fold_together(mesh, [one, other], position))
         })
     }
 }
 
 /// Whether a face folds onto the one across its side that has no moving vertex.
 fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVec3) -> bool {
-    let ([a, b], face) = (one.ends, one.corner.face());
-    let mut across = None;
-    for (beside, third) in thirds_at(mesh, rings, [a, b]) {
-        // With several faces at the side, none is the one across.
-        if beside != face && across.replace(third).is_some() {
-            return false;
-        }
-    }
-    let Some(third) = across else { return false };
+    let [a, b] = one.ends;
+    let Some(third) = third_across(mesh, rings, one) else { return false };
     let [p, q, third, from] = [a, b, third, mesh.vertex_of(one.corner)].map(|v| mesh.positions[v]);
     become_folded([[p, q]; 2], [[from, third], [position, third]])
+}
+
+/// The third vertex of the face across the side of a face that has no moving vertex; `None` if there is no such face,
+/// or several.
+#[inline(always)]
+fn third_across(mesh: &ClusterMesh, rings: &Rings, one: &Joined) -> Option<LocalVertex> {
+    let ([a, b], own) = (one.ends, one.corner.face());
+    let (mut across, mut third, mut count) = (own, a, 0u32);
+    for corner in rings.of(a) {
+        let face = corner.face();
+        let (has_edge, last) = third_of(mesh.vertices(face), [a, b]);
+        let is_across = has_edge & (face != own);
+        (across, third) = if is_across { (face, last) } else { (across, third) };
+        count += u32::from(is_across);
+    }
+    match count {
+        0 => None,
+        1 => (!mesh.is_dead(across)).then_some(third),
+        // Some of them may be dead.
+        _ => {
+            let mut others = thirds_at(mesh, rings, [a, b]).filter(|&(face, _)| face != own);
+            others.next().filter(|_| others.next().is_none()).map(|(_, third)| third)
+        }
+    }
 }
 
 /// Whether a face folds onto an unchanged face, at an edge from the `anchor` to a vertex in `common`.
@@ -178,12 +198,18 @@ fn thirds_at<'a>(
 ) -> impl Iterator<Item = (FaceId, LocalVertex)> + 'a {
     rings.of(a).iter().filter_map(move |corner| {
         let face = corner.face();
-        let vertices = mesh.vertices(face);
-        // No branch for each vertex: where the edge stands in the face is unpredictable.
-        let has_edge = (vertices[0] == b) | (vertices[1] == b) | (vertices[2] == b);
-        let third = vertices.into_iter().fold(a.number() ^ b.number(), |rest, vertex| rest ^ vertex.number());
-        (has_edge && !mesh.is_dead(face)).then_some((face, LocalVertex::new(third)))
+        let (has_edge, third) = third_of(mesh.vertices(face), [a, b]);
+        (has_edge && !mesh.is_dead(face)).then_some((face, third))
     })
+}
+
+/// Whether a face around `a` also has `b`, and if so, its third vertex.
+#[inline(always)]
+fn third_of(vertices: [LocalVertex; 3], [a, b]: [LocalVertex; 2]) -> (bool, LocalVertex) {
+    // No branch for each vertex: where the edge stands in the face is unpredictable.
+    let has_edge = (vertices[0] == b) | (vertices[1] == b) | (vertices[2] == b);
+    let third = vertices.into_iter().fold(a.number() ^ b.number(), |rest, vertex| rest ^ vertex.number());
+    (has_edge, LocalVertex::new(third))
 }
 
 /// Whether two changing faces share an edge at `position`, and fold onto each other there.
@@ -211,7 +237,8 @@ fn fold_at_edge(mesh: &ClusterMesh, [one, other]: [&Joined; 2], [i, j]: [usize; 
 
 /// Whether two faces become nearly folded, or folded; each is given by its edge and third corners before and after.
 fn become_folded(edges: [[DVec3; 2]; 2], thirds: [[DVec3; 2]; 2]) -> bool {
-    let [before, after] = [0, 1].map(|i| (edges[i], thirds[i]));
-    let becomes = |is_so: fn([DVec3; 2], [DVec3; 2]) -> bool| is_so(after.0, after.1) && !is_so(before.0, before.1);
-    becomes(are_nearly_folded) || becomes(are_folded)
+    // What is folded is nearly folded.
+    are_nearly_folded(edges[1], thirds[1])
+        && (!are_nearly_folded(edges[0], thirds[0])
+            || (are_folded(edges[1], thirds[1]) && !are_folded(edges[0], thirds[0])))
 }
