@@ -13,32 +13,51 @@
 
 use crate::geometry::distance_sq;
 use crate::mesh::cluster::ClusterMesh;
-use crate::mesh::id::Edge;
+use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
 use crate::simplify::witness::area_around;
 
 /// Squared distance, relative to the squared length of the edge, below which the surface counts as flat.
 const FLAT_SQ: f64 = 1e-12;
 
-/// The cost of a collapse onto a vertex that stays where it is: `cost`, or the area around the vanishing vertex × the
-/// squared distance from it to the new surface, if that is more.
-pub fn cost_with_retreat(mesh: &ClusterMesh, rings: &Rings, Edge { from, to }: Edge, cost: f32) -> f32 {
-    let (vanishing, remaining) = (mesh.positions[from], mesh.positions[to]);
-    let area = area_around(mesh, rings, from);
-    let mut nearest_sq = vanishing.distance_squared(remaining);
-    let near_sq = (f64::from(cost) / area).max(FLAT_SQ * nearest_sq);
-    for [vertex, other] in [[from, to], [to, from]] {
-        for ends in rings.link_edges(mesh, vertex) {
-            if nearest_sq <= near_sq {
-                return cost;
-            }
-            if !ends.contains(&other) {
-                let [a, b] = ends.map(|end| mesh.positions[end]);
+/// The surface around a vertex that is to vanish.
+#[derive(Debug)]
+pub struct Retreat<'a> {
+    mesh: &'a ClusterMesh,
+    rings: &'a Rings,
+    from: LocalVertex,
+    /// Area of the faces around it.
+    area: f64,
+}
+
+impl<'a> Retreat<'a> {
+    /// The surface around `from`.
+    pub fn of(mesh: &'a ClusterMesh, rings: &'a Rings, from: LocalVertex) -> Self {
+        Self { mesh, rings, from, area: area_around(mesh, rings, from) }
+    }
+
+    /// The cost of a collapse onto `to`, which stays where it is: `cost`, or the area around the vanishing vertex × the
+    /// squared distance from it to the new surface, if that is more.
+    pub fn cost_onto(&self, to: LocalVertex, cost: f32) -> f32 {
+        let &Self { mesh, rings, from, area } = self;
+        let (vanishing, remaining) = (mesh.positions[from], mesh.positions[to]);
+        let mut nearest_sq = vanishing.distance_squared(remaining);
+        let near_sq = (f64::from(cost) / area).max(FLAT_SQ * nearest_sq);
+        for [vertex, other] in [[from, to], [to, from]] {
+            for &corner in rings.of(vertex) {
+                if nearest_sq <= near_sq {
+                    return cost;
+                }
+                let [a, b] = mesh.others_of(corner);
+                if (a == other) | (b == other) | mesh.is_dead(corner.face()) {
+                    continue;
+                }
+                let [a, b] = [a, b].map(|end| mesh.positions[end]);
                 nearest_sq = nearest_sq.min(distance_sq(vanishing, [remaining, a, b]));
             }
         }
+        if nearest_sq <= near_sq { cost } else { cost.max((area * nearest_sq) as f32) }
     }
-    if nearest_sq <= near_sq { cost } else { cost.max((area * nearest_sq) as f32) }
 }
 
 #[cfg(test)]
@@ -52,7 +71,7 @@ mod tests {
     fn cost_of(mesh: &ClusterMesh, from: u32, to: u32, cost: f32) -> f32 {
         let mut rings = Rings::default();
         rings.build(mesh);
-        cost_with_retreat(mesh, &rings, Edge { from: v(from), to: v(to) }, cost)
+        Retreat::of(mesh, &rings, v(from)).cost_onto(v(to), cost)
     }
 
     #[test]

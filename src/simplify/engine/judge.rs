@@ -3,12 +3,12 @@
 use super::Engine;
 use crate::cost::{EdgeCase, LANES, Metric};
 use crate::mesh::class::{Class, Rule};
-use crate::mesh::edge::EdgeKind;
+use crate::mesh::edge::{EdgeKind, edge_kind};
 use crate::mesh::id::{Corner, Edge, End, LocalVertex, WedgePair};
 use crate::simplify::alternatives::Cheapest;
 use crate::simplify::proposal::{Bid, EdgeAt, Proposal, all_edges_at, chain_edges_at};
 use crate::simplify::refusal::Refusal;
-use crate::simplify::retreat::cost_with_retreat;
+use crate::simplify::retreat::Retreat;
 use crate::simplify::texture::insets;
 
 /// Fewest faces of a non-manifold vertex that keeps its [alternatives](crate::simplify::alternatives).
@@ -34,9 +34,12 @@ impl<M: Metric> Engine<M> {
 
     /// Rule for an edge of this kind, given both classes and both locks.
     pub(super) fn rule(&self, from: LocalVertex, to: LocalVertex, kind: EdgeKind) -> Rule {
-        if self.is_held(from) {
-            return Rule::Never;
-        }
+        if self.is_held(from) { Rule::Never } else { self.rule_of_free(from, to, kind) }
+    }
+
+    /// The same, if `from` is not held.
+    #[inline(always)]
+    fn rule_of_free(&self, from: LocalVertex, to: LocalVertex, kind: EdgeKind) -> Rule {
         match self.cost.rule(self.classes[from], self.classes[to], kind) {
             Rule::Free if self.stays(to) => Rule::Onto,
             Rule::Chain if self.stays(to) => Rule::ChainOnto,
@@ -68,7 +71,7 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Finds the cheapest collapse of a vertex. If `after` is given, finds the cheapest one above this key, at costs that
-    /// cover [how far the surface retreats](cost_with_retreat).
+    /// cover [how far the surface retreats](Retreat).
     pub(super) fn judge(&mut self, vertex: LocalVertex, after: Option<Bid>) {
         let mut best = Proposal { second_best: after.is_some(), ..Proposal::NONE };
         let take = |best: &mut Proposal, proposal: Proposal| {
@@ -88,7 +91,11 @@ impl<M: Metric> Engine<M> {
         } else if self.classes[vertex] == Class::Smooth {
             // One closed fan and one wedge: each face gives the edge to its next vertex.
             if !self.mesh.is_locked(vertex) && M::ENDPOINTS {
-                if let Some(bid) = self.cheapest_onto(vertex, after) {
+                let cheapest = match after {
+                    None => self.cheapest_onto(vertex),
+                    Some(after) => self.cheapest_above(vertex, after),
+                };
+                if let Some(bid) = cheapest {
                     take(&mut best, Proposal::onto(bid.vertex(), bid.cost()));
                 }
             } else if !self.mesh.is_locked(vertex) {
@@ -99,11 +106,12 @@ impl<M: Metric> Engine<M> {
         } else if self.may_vanish(vertex) {
             let mut spokes = std::mem::take(&mut self.spokes);
             let Self { mesh, rings, classes, .. } = &*self;
+            let retreat = if after.is_some() { self.retreat_of(vertex) } else { None };
             let offer = |edge: &EdgeAt| {
                 let proposal = self.propose(vertex, edge);
                 // The full price is never lower.
                 if proposal.key() < best.key() {
-                    take(&mut best, self.fully_priced(vertex, proposal, after));
+                    take(&mut best, fully_priced(proposal, retreat.as_ref()));
                 }
             };
             if classes[vertex] == Class::Complex {
@@ -135,11 +143,12 @@ impl<M: Metric> Engine<M> {
     fn cheapest_of_all(&mut self, vertex: LocalVertex, after: Bid) -> Cheapest {
         let mut cheapest = Cheapest::above(after);
         let mut spokes = std::mem::take(&mut self.spokes);
+        let retreat = self.retreat_of(vertex);
         all_edges_at(&self.mesh, &self.rings, vertex, &mut spokes, |edge| {
             let proposal = self.propose(vertex, edge);
             // The full price is never lower.
             if cheapest.has_room(proposal.key()) {
-                cheapest.add(self.fully_priced(vertex, proposal, Some(after)));
+                cheapest.add(fully_priced(proposal, retreat.as_ref()));
             }
         });
         self.spokes = spokes;
@@ -147,13 +156,9 @@ impl<M: Metric> Engine<M> {
         cheapest
     }
 
-    /// A proposal at a cost that covers how far the surface retreats, if `after` is given.
-    fn fully_priced(&self, from: LocalVertex, proposal: Proposal, after: Option<Bid>) -> Proposal {
-        let Proposal { to, cost, .. } = proposal;
-        if after.is_none() || !M::ENDPOINTS || !cost.is_finite() {
-            return proposal;
-        }
-        Proposal { cost: cost_with_retreat(&self.mesh, &self.rings, Edge { from, to }, cost), ..proposal }
+    /// The surface that may retreat from a vertex; `None` if costs need not cover that.
+    fn retreat_of(&self, vertex: LocalVertex) -> Option<Retreat<'_>> {
+        M::ENDPOINTS.then(|| Retreat::of(&self.mesh, &self.rings, vertex))
     }
 
     /// Proposal to collapse an edge from a smooth vertex.
@@ -166,43 +171,59 @@ impl<M: Metric> Engine<M> {
         self.propose(from.vertex, &EdgeAt { other: to.vertex, wedges: [pair; 2], face_count: 2 })
     }
 
-    /// The neighbour onto which a smooth vertex collapses at the least cost; if `after` is given, of those above it.
+    /// The neighbour onto which a smooth vertex collapses at the least cost.
     #[inline(always)]
-    pub(super) fn cheapest_onto(&self, from: LocalVertex, after: Option<Bid>) -> Option<Bid> {
-        let Self { mesh, rings, cost, .. } = self;
-        let mut corners = rings.living(mesh, from);
-        let own = End { vertex: from, wedge: mesh.wedge_of(corners.clone().next()?) };
+    fn cheapest_onto(&self, from: LocalVertex) -> Option<Bid> {
         // An infinite cost is no proposal: it marks a vanished vertex.
-        let mut best = Bid::new(f32::INFINITY, LocalVertex::new(0));
-        let mut ends = [own; LANES];
-        loop {
-            let mut count = 0;
-            for (end, corner) in ends.iter_mut().zip(&mut corners) {
-                *end = mesh.end_of(corner.next());
-                count += 1;
-            }
-            for (end, cost) in ends.iter().zip(cost.costs_onto(mesh, own, &ends)).take(count) {
-                let mut bid = Bid::new(cost, end.vertex);
-                if after.is_some() && bid < best {
-                    let edge = Edge { from, to: end.vertex };
-                    bid = Bid::new(cost_with_retreat(mesh, rings, edge, cost), end.vertex);
+        let none = Bid::new(f32::INFINITY, LocalVertex::new(0));
+        let mut best = none;
+        self.for_each_onto(from, |bids| best = bids.into_iter().fold(best, Bid::min));
+        (best < none).then_some(best)
+    }
+
+    /// The same of those above `after`, at costs that cover [how far the surface retreats](Retreat).
+    fn cheapest_above(&self, from: LocalVertex, after: Bid) -> Option<Bid> {
+        let retreat = Retreat::of(&self.mesh, &self.rings, from);
+        let none = Bid::new(f32::INFINITY, LocalVertex::new(0));
+        let mut best = none;
+        self.for_each_onto(from, |bids| {
+            for bid in bids {
+                // The full price is never lower.
+                if bid < best {
+                    let full = Bid::new(retreat.cost_onto(bid.vertex(), bid.cost()), bid.vertex());
+                    best = if full > after { best.min(full) } else { best };
                 }
-                if bid < best && after.is_none_or(|after| bid > after) {
-                    best = bid;
-                }
             }
-            if count < LANES {
-                return (best.cost() < f32::INFINITY).then_some(best);
+        });
+        (best < none).then_some(best)
+    }
+
+    /// Passes on the collapses of a smooth vertex onto its neighbours, several at a time; some may occur more than once.
+    #[inline(always)]
+    fn for_each_onto(&self, from: LocalVertex, mut take: impl FnMut([Bid; LANES])) {
+        let Self { mesh, rings, cost, .. } = self;
+        let Some(first) = rings.living(mesh, from).next() else { return };
+        let own = End { vertex: from, wedge: mesh.wedge_of(first) };
+        let mut last = mesh.end_of(first.next());
+        for corners in rings.of(from).chunks(LANES) {
+            let mut ends = [last; LANES];
+            for (end, &corner) in ends.iter_mut().zip(corners) {
+                // The edge before takes the place of a dead one: a branch could not be predicted.
+                last = if mesh.living(corner).is_some() { mesh.end_of(corner.next()) } else { last };
+                *end = last;
             }
+            let costs = cost.costs_onto(mesh, own, &ends);
+            take(std::array::from_fn(|lane| Bid::new(costs[lane], ends[lane].vertex)));
         }
     }
 
-    /// Proposal to collapse an edge that was gathered at `from`; [`Proposal::NONE`] if the rules forbid it.
+    /// Proposal to collapse an edge that was gathered at `from`, which is not held; [`Proposal::NONE`] if the rules
+    /// forbid it.
     #[inline(always)]
     pub(super) fn propose(&self, from: LocalVertex, edge: &EdgeAt) -> Proposal {
         let (to, kind) = (edge.other, edge.kind());
         let is_plain = edge.face_count <= 2 || self.classes[from] == Class::Complex;
-        let rule = if is_plain { self.rule(from, to, kind) } else { Rule::Never };
+        let rule = if is_plain { self.rule_of_free(from, to, kind) } else { Rule::Never };
         // If the ends meet in between, both directions cost the same: the lower end proposes it, if both may.
         let meets = |rule| matches!(rule, Rule::Free | Rule::Chain);
         if rule == Rule::Never || (meets(rule) && to < from && meets(self.rule(to, from, kind))) {
@@ -263,6 +284,16 @@ impl<M: Metric> Engine<M> {
         self.refused = refused;
     }
 
+    /// Whether a vertex that is not smooth may collapse onto a survivor beside it, or with the survivor's change
+    /// elsewhere.
+    fn is_on_way(&self, vertex: LocalVertex, survivor: LocalVertex) -> bool {
+        // What collapsed onto a vertex that is still smooth was smooth, and no chain vertex collapses onto it.
+        self.classes[survivor] != Class::Smooth
+            && (self.classes[vertex] == Class::Complex
+                || self.rips.partner_of(vertex).is_some()
+                || edge_kind(&self.mesh, &self.rings, vertex, survivor) != EdgeKind::Inner)
+    }
+
     /// Re-evaluates a neighbour of a survivor; both are given as corners of one face.
     ///
     /// The costs of its other edges are unchanged. All its edges are evaluated only if its proposal led to a changed
@@ -279,9 +310,12 @@ impl<M: Metric> Engine<M> {
         let is_stale = second_best || self.touched.get(to) == Some(&round);
         let is_first = self.stirred[vertex] != 2 * round;
         self.stirred[vertex] = 2 * round;
-        // What collapsed onto a vertex that is still smooth was smooth, and no chain vertex collapses onto it.
-        let meets_chain = self.classes[self.mesh.vertex_of(survivor)] != Class::Smooth;
-        if M::ENDPOINTS && self.classes[vertex] != Class::Smooth && !meets_chain && !is_stale {
+        let survivor_vertex = self.mesh.vertex_of(survivor);
+        if M::ENDPOINTS
+            && self.classes[vertex] != Class::Smooth
+            && !is_stale
+            && !self.is_on_way(vertex, survivor_vertex)
+        {
             return;
         }
         // NOTE: if `vertex` was evaluated earlier in this round, its proposal is not stale, even if it leads to a
@@ -296,5 +330,15 @@ impl<M: Metric> Engine<M> {
                 self.proposals[vertex] = proposal;
             }
         }
+    }
+}
+
+/// A proposal at a cost that covers how far the surface retreats, if it must.
+fn fully_priced(proposal: Proposal, retreat: Option<&Retreat<'_>>) -> Proposal {
+    match retreat {
+        Some(retreat) if proposal.cost.is_finite() => {
+            Proposal { cost: retreat.cost_onto(proposal.to, proposal.cost), ..proposal }
+        }
+        _ => proposal,
     }
 }

@@ -11,7 +11,7 @@ use crate::mesh::id::{Edge, LocalVertex};
 use crate::simplify::collapse::Collapse;
 use crate::simplify::edge_star::VanishingFan;
 use crate::simplify::proposal::{Bid, Proposal};
-use crate::simplify::retreat::cost_with_retreat;
+use crate::simplify::retreat::Retreat;
 use crate::simplify::shape_rule::ShapeRule;
 use crate::simplify::stage::{LoggedCollapse, StageResult, Stop};
 
@@ -213,7 +213,7 @@ impl<M: Metric> Engine<M> {
     /// whether it did.
     fn costs_more(&mut self, from: LocalVertex) -> bool {
         let Proposal { to, cost, .. } = self.proposals[from];
-        let is_covered = cost_with_retreat(&self.mesh, &self.rings, Edge { from, to }, cost) <= cost;
+        let is_covered = Retreat::of(&self.mesh, &self.rings, from).cost_onto(to, cost) <= cost;
         if !is_covered {
             self.refused.push(from);
             self.judge_after(from, Bid::LOWEST);

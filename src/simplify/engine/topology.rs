@@ -179,17 +179,15 @@ impl<M: Metric> Engine<M> {
 
     /// Whether `vertex` has a border edge to `end`, and no face with both `end` and `third`.
     fn is_border_beside(&self, vertex: LocalVertex, [end, third]: [LocalVertex; 2]) -> bool {
-        let mut count = 0;
-        for face in self.rings.faces(&self.mesh, vertex) {
-            let corners = self.mesh.vertices(face);
-            if corners.contains(&end) {
-                if corners.contains(&third) {
-                    return false;
-                }
-                count += 1;
-            }
+        let (mut count, mut has_both) = (0, false);
+        for corner in self.rings.of(vertex) {
+            let [a, b] = self.mesh.others_of(*corner);
+            // No branch: which face has the edge cannot be predicted.
+            let has_end = ((a == end) | (b == end)) & !self.mesh.is_dead(corner.face());
+            count += u32::from(has_end);
+            has_both |= has_end & ((a == third) | (b == third));
         }
-        count == 1
+        count == 1 && !has_both
     }
 
     /// The vertex that a vertex merged into in this stage, over any number of collapses, or itself.
