@@ -31,6 +31,17 @@ pub trait Real:
 impl Real for f32 {}
 impl Real for Vec4 {}
 
+/// Adds numbers to others, four at a time.
+#[inline(always)]
+fn add_each<const COUNT: usize>(own: &mut [f32; COUNT], other: &[f32; COUNT]) {
+    let (own, own_rest) = own.as_chunks_mut();
+    let (other, other_rest) = other.as_chunks();
+    own.iter_mut()
+        .zip(other)
+        .for_each(|(own, &other)| *own = (Vec4::from_array(*own) + Vec4::from_array(other)).into());
+    own_rest.iter_mut().zip(other_rest).for_each(|(own, other)| *own += other);
+}
+
 /// d ↦ d·Ad + 2 b·d + c, with symmetric A, for a displacement d of the vertex.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -55,8 +66,7 @@ impl LocalQuadric {
     /// Adds another quadric with the same origin.
     #[inline(always)]
     pub fn add(&mut self, other: &Self) {
-        let (own, other): (&mut [f32; 10], &[f32; 10]) = (bytemuck::cast_mut(self), bytemuck::cast_ref(other));
-        own.iter_mut().zip(other).for_each(|(own, other)| *own += other);
+        add_each::<10>(bytemuck::cast_mut(self), bytemuck::cast_ref(other));
     }
 
     /// A·d.
@@ -127,8 +137,7 @@ impl LocalWedge {
     /// Adds what another wedge of the same vertex has.
     #[inline(always)]
     pub fn add(&mut self, other: &Self) {
-        let (own, other): (&mut [f32; 9], &[f32; 9]) = (bytemuck::cast_mut(self), bytemuck::cast_ref(other));
-        own.iter_mut().zip(other).for_each(|(own, other)| *own += other);
+        add_each::<9>(bytemuck::cast_mut(self), bytemuck::cast_ref(other));
     }
 
     /// G d + o.

@@ -7,7 +7,7 @@ use super::shape_rule::ShapeRule;
 use crate::base::id::TiVec;
 use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
-use crate::mesh::id::{FaceId, LocalVertex, Wedge, WedgePair};
+use crate::mesh::id::{Corner, FaceId, LocalVertex, Wedge, WedgePair};
 use crate::mesh::ring::Rings;
 
 /// Properties of the faces around a vertex that is to vanish.
@@ -52,6 +52,8 @@ pub struct EdgeStar {
     pub(super) neighbours: Vec<Neighbour>,
     /// Sides of dying double faces that touch neither end.
     pub(super) far_sides: Vec<[LocalVertex; 2]>,
+    /// Buffer for the corners at the vanishing end of faces that have the edge, dead ones included.
+    pub(super) at_edge: Vec<Corner>,
     /// Both ends of the edge.
     pub(super) ends: [LocalVertex; 2],
     pub(super) opposite: Vec<LocalVertex>,
@@ -92,7 +94,16 @@ impl EdgeStar {
         self.new_non_manifold_edges = 0;
         self.joins = false;
         self.ends = [from, to];
-        for &corner in rings.of(from) {
+        let ring = rings.of(from);
+        self.at_edge.resize(ring.len().max(self.at_edge.len()), Corner::new(0));
+        let mut count = 0;
+        for &corner in ring {
+            // No branch: which faces have the edge cannot be predicted.
+            let [next, previous] = mesh.others_of(corner);
+            self.at_edge[count] = corner;
+            count += usize::from((next == to) | (previous == to));
+        }
+        for &corner in &self.at_edge[..count] {
             let Some(wedge) = mesh.living(corner) else { continue };
             let far = corner.others();
             let Some(k) = far.iter().position(|&c| mesh.vertex_of(c) == to) else { continue };

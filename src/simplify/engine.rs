@@ -368,6 +368,7 @@ impl<M: Metric> Engine<M> {
         self.collapser.reset(&self.mesh);
     }
 
+    #[inline(always)]
     fn is_held(&self, vertex: LocalVertex) -> bool {
         self.mesh.is_locked(vertex)
             || match self.classes[vertex] {

@@ -125,10 +125,10 @@ impl EdgeStar {
         for corner in rings.living(mesh, to) {
             for vertex in mesh.others_of(corner) {
                 let mark = &mut self.mark[vertex];
-                if *mark == self.epoch {
-                    *mark = 0;
-                    count += 1;
-                }
+                let is_common = *mark == self.epoch;
+                // No branch: which neighbours are common cannot be predicted.
+                *mark = if is_common { 0 } else { *mark };
+                count += usize::from(is_common);
             }
         }
         count
