@@ -14,15 +14,25 @@ pub const POWERS_OF_TEN: [f64; 18] =
 const ROUNDER: f64 = 1.5 * (1u64 << 52) as f64;
 /// Limit of the magnitude of counts, so that they are exact and `ROUNDER` rounds them.
 const COUNT_LIMIT: f64 = (1u64 << 51) as f64;
+/// Numbers converted at once, without a branch, so that the compiler converts several with one instruction.
+const AT_ONCE: usize = 64;
 
 /// Returns `x` in units of the last of `decimals` places; `None` if that is not an integer.
 #[inline]
 pub fn count(x: f64, decimals: u32) -> Option<i64> {
-    let power = POWERS_OF_TEN[decimals as usize];
+    let (count, is_exact) = rounded_count(x, POWERS_OF_TEN[decimals as usize]);
+    is_exact.then_some(count)
+}
+
+/// Returns `x` in units of 1 / `power`, rounded, and whether that is exact.
+#[inline(always)]
+fn rounded_count(x: f64, power: f64) -> (i64, bool) {
     let scaled = x * power;
-    let count = (scaled + ROUNDER) - ROUNDER;
+    let sum = scaled + ROUNDER;
     // NOTE: negative zero and non-finite numbers fail this comparison of bits.
-    (scaled.abs() < COUNT_LIMIT && (count / power).to_bits() == x.to_bits()).then_some(count as i64)
+    let is_exact = (scaled.abs() < COUNT_LIMIT) & (((sum - ROUNDER) / power).to_bits() == x.to_bits());
+    // Neighbours of `ROUNDER` are 1 apart, so their bits count up like integers.
+    (sum.to_bits().wrapping_sub(ROUNDER.to_bits()) as i64, is_exact)
 }
 
 /// Returns the number that is `count` units of the last of `decimals` places.
@@ -34,22 +44,32 @@ pub fn value(count: i64, decimals: u32) -> f64 {
 /// Converts all numbers to counts with the fewest common decimals, at least `at_least`. Returns those decimals; `None`
 /// if no number of decimals fits all.
 pub fn counts(numbers: &[f64], at_least: u32, out: &mut Vec<i64>) -> Option<u32> {
-    out.clear();
     let mut decimals = at_least;
-    'more: while decimals <= DECIMALS_MAX {
-        out.clear();
-        for &x in numbers {
-            match count(x, decimals) {
-                Some(count) => out.push(count),
-                None => {
-                    // Usually the next place suffices. A number that fits no number of decimals fails at once.
-                    count(x, DECIMALS_MAX).or_else(|| (decimals..DECIMALS_MAX).find_map(|more| count(x, more)))?;
-                    decimals += 1;
-                    continue 'more;
-                }
-            }
+    while decimals <= DECIMALS_MAX {
+        let Some(x) = misfit(numbers, decimals, out) else { return Some(decimals) };
+        // Usually the next place suffices. A number that fits no number of decimals fails at once.
+        count(x, DECIMALS_MAX).or_else(|| (decimals..DECIMALS_MAX).find_map(|more| count(x, more)))?;
+        decimals += 1;
+    }
+    None
+}
+
+/// Replaces `out` with the counts of numbers, up to one without a count, which is returned.
+fn misfit(numbers: &[f64], decimals: u32, out: &mut Vec<i64>) -> Option<f64> {
+    let power = POWERS_OF_TEN[decimals as usize];
+    out.clear();
+    out.reserve(numbers.len());
+    for numbers in numbers.chunks(AT_ONCE) {
+        let (mut counts, mut are_exact) = ([0; AT_ONCE], true);
+        for (count, &x) in counts.iter_mut().zip(numbers) {
+            let (rounded, is_exact) = rounded_count(x, power);
+            *count = rounded;
+            are_exact &= is_exact;
         }
-        return Some(decimals);
+        if !are_exact {
+            return numbers.iter().copied().find(|&x| count(x, decimals).is_none());
+        }
+        out.extend_from_slice(&counts[..numbers.len()]);
     }
     None
 }

@@ -38,6 +38,9 @@ pub const BLOCK_RECORDS: usize = 4096;
 const HEAD_BYTES: usize = 3;
 /// Marks a block of uncompressed doubles.
 const RAW: u8 = u8::MAX;
+/// Number of records for which output is reserved at once.
+const ENCODED_AT_ONCE: usize = 256;
+
 /// A record of coordinates.
 pub trait Coordinates: Pod {
     /// Number of coordinates.
@@ -67,13 +70,14 @@ pub fn encode_block<T: Coordinates>(records: &[T], decimals: &mut u32, out: &mut
     };
     *decimals = needed;
     out.push(needed as u8);
-    let start = out.len();
-    out.resize(start + counts.len() * VARINT_BYTES_MAX, 0);
-    let (mut at, mut last) = (start, [0i64; 3]);
-    for record in counts.chunks_exact(T::COUNT) {
-        for (&count, last) in record.iter().zip(&mut last) {
-            at = varint::put(out, at, zigzag(count - *last));
-            *last = count;
+    let (mut at, mut last) = (out.len(), [0i64; 3]);
+    for counts in counts.chunks(ENCODED_AT_ONCE * T::COUNT) {
+        out.resize(at + counts.len() * VARINT_BYTES_MAX, 0);
+        for record in counts.chunks_exact(T::COUNT) {
+            for (&count, last) in record.iter().zip(&mut last) {
+                at = varint::put(out, at, zigzag(count - *last));
+                *last = count;
+            }
         }
     }
     out.truncate(at);
@@ -93,26 +97,27 @@ pub fn decode_block<T: Coordinates>(bytes: &[u8], count: usize, out: &mut Vec<T>
     if usize::from(u16::from_le_bytes([low, high])) != count {
         return Err(format!("a block of {} records, not of {count}", u16::from_le_bytes([low, high])));
     }
-    let start = out.len();
-    out.resize(start + count, T::zeroed());
-    let numbers: &mut [f64] = bytemuck::cast_slice_mut(&mut out[start..]);
     if decimals == RAW {
-        if bytes.len() != size_of_val(numbers) {
+        if bytes.len() != count * size_of::<T>() {
             return Err(format!("{} bytes for {count} raw records", bytes.len()));
         }
-        bytemuck::cast_slice_mut(numbers).copy_from_slice(bytes);
+        out.extend(bytes.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned::<T>));
         return Ok(());
     }
     if u32::from(decimals) > decimal::DECIMALS_MAX {
         return Err(format!("{decimals} decimals; at most {} are written", decimal::DECIMALS_MAX));
     }
+    out.reserve(count);
     let (mut at, mut last) = (0, [0i64; 3]);
-    for record in numbers.chunks_exact_mut(T::COUNT) {
-        for (number, last) in record.iter_mut().zip(&mut last) {
+    for _ in 0..count {
+        let mut record = T::zeroed();
+        let numbers: &mut [f64] = bytemuck::cast_slice_mut(std::slice::from_mut(&mut record));
+        for (number, last) in numbers.iter_mut().zip(&mut last) {
             let difference = varint::take(bytes, &mut at).ok_or("a block ends inside a number")?;
             *last = last.wrapping_add(unzigzag(difference));
             *number = decimal::value(*last, u32::from(decimals));
         }
+        out.push(record);
     }
     if at == bytes.len() { Ok(()) } else { Err(format!("{} bytes are left after a block", bytes.len() - at)) }
 }

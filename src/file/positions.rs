@@ -32,6 +32,9 @@ const RAW_BYTES: u8 = 24;
 /// Largest size of a record of counts in bytes. As many zeros follow each run, so that every record can be read as a
 /// whole 128-bit word.
 const COUNTED_BYTES_MAX: usize = 16;
+/// Number of records for which output is reserved at once.
+const ENCODED_AT_ONCE: usize = 256;
+
 /// Fixed-size records of consecutive ids.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct PositionRun {
@@ -65,11 +68,19 @@ impl EncodedRun {
             bytes.extend_from_slice(bytemuck::cast_slice(positions));
         } else {
             let [bx, by] = run.bits.map(u32::from);
-            for count in counts.chunks_exact(3) {
-                let [x, y, z] = [0, 1, 2].map(|axis| (count[axis] - run.least[axis]) as u128);
-                let word = x | y << bx | z << (bx + by);
-                bytes.extend_from_slice(&word.to_le_bytes()[..run.record_bytes as usize]);
+            let record_bytes = run.record_bytes as usize;
+            let mut at = 0;
+            for counts in counts.chunks(3 * ENCODED_AT_ONCE) {
+                bytes.resize(at + counts.len() / 3 * record_bytes + COUNTED_BYTES_MAX, 0);
+                for &[x, y, z] in counts.as_chunks().0 {
+                    let [low_x, low_y, low_z] = run.least;
+                    let word = (x - low_x) as u128 | ((y - low_y) as u128) << bx | ((z - low_z) as u128) << (bx + by);
+                    // The bytes after the record are zeros, or those of the next record.
+                    bytes[at..at + COUNTED_BYTES_MAX].copy_from_slice(&word.to_le_bytes());
+                    at += record_bytes;
+                }
             }
+            bytes.truncate(at);
         }
         bytes.extend_from_slice(&[0; COUNTED_BYTES_MAX]);
         Self { run, count: positions.len() as u32, bytes }
@@ -81,9 +92,13 @@ impl PositionRun {
     fn fitting(positions: &[DVec3], counts: &mut Vec<i64>) -> Self {
         let raw = Self { first: 0, offset_bytes: 0, record_bytes: RAW_BYTES, decimals: 0, bits: [0; 2], least: [0; 3] };
         let Some(decimals) = decimal::counts(bytemuck::cast_slice(positions), 0, counts) else { return raw };
-        let of = |axis: usize| counts.iter().skip(axis).step_by(3).copied();
-        let least = [0, 1, 2].map(|axis| of(axis).min().unwrap_or(0));
-        let most = [0, 1, 2].map(|axis| of(axis).max().unwrap_or(0));
+        let (mut least, mut most) = counts.first_chunk().map_or(([0; 3], [0; 3]), |&first| (first, first));
+        for count in counts.as_chunks::<3>().0 {
+            for axis in 0..3 {
+                least[axis] = least[axis].min(count[axis]);
+                most[axis] = most[axis].max(count[axis]);
+            }
+        }
         let bits = [0, 1, 2].map(|axis| (64 - ((most[axis] - least[axis]) as u64).leading_zeros()) as u8);
         let record_bytes = bits.iter().map(|&bits| u32::from(bits)).sum::<u32>().div_ceil(8).max(1) as u8;
         if record_bytes as usize > COUNTED_BYTES_MAX {
@@ -100,22 +115,50 @@ impl PositionRun {
             || (1..=COUNTED_BYTES_MAX as u8).contains(&bytes) && bx + by <= 8 * u32::from(bytes) && bx.max(by) < 64
     }
 
+    /// How its records are decoded; `None` if its fields are inconsistent.
+    fn form(&self) -> Option<PositionForm> {
+        let [bx, by] = self.bits.map(u32::from);
+        let z_bits = (u32::from(self.record_bytes) * 8).checked_sub(bx + by)?.min(64);
+        Some(PositionForm {
+            bytes: self.record_bytes,
+            shifts: [bx, bx + by],
+            masks: [bx, by, z_bits].map(|bits| u64::MAX.checked_shr(64u32.saturating_sub(bits)).unwrap_or(0)),
+            least: self.least,
+            decimals: u32::from(self.decimals).min(decimal::DECIMALS_MAX),
+        })
+    }
+}
+
+/// Form of the records of a run.
+struct PositionForm {
+    bytes: u8,
+    /// Places of the lowest bits of y and z.
+    shifts: [u32; 2],
+    masks: [u64; 3],
+    /// Smallest count of each coordinate.
+    least: [i64; 3],
+    decimals: u32,
+}
+
+impl PositionForm {
     /// Decodes the record at an index; `bytes` must contain it and [`COUNTED_BYTES_MAX`] more bytes. `None` if they do
     /// not.
     #[inline]
     fn decode(&self, bytes: &[u8], index: usize) -> Option<DVec3> {
-        let at = index * self.record_bytes as usize;
-        if self.record_bytes == RAW_BYTES {
+        let at = index * usize::from(self.bytes);
+        if self.bytes == RAW_BYTES {
             return bytes.get(at..at + RAW_BYTES as usize).map(bytemuck::pod_read_unaligned);
         }
         let word = u128::from_le_bytes(*bytes.get(at..)?.first_chunk()?);
-        let [bx, by] = self.bits.map(u32::from);
-        let bits = u32::from(self.record_bytes) * 8;
-        let low = |word: u128, bits: u32| (word & ((1 << bits) - 1)) as u64 as i64;
-        let z_bits = bits.checked_sub(bx + by)?.min(64);
-        let counts = [low(word, bx), low(word >> bx, by), low(word >> (bx + by), z_bits)];
-        let decimals = u32::from(self.decimals).min(decimal::DECIMALS_MAX);
-        let value = |axis: usize| decimal::value(counts[axis].wrapping_add(self.least[axis]), decimals);
+        let fields = match (self.shifts, word as u64) {
+            // Most records are that short, and shifting words of 64 bits is cheaper.
+            ([y, z], word) if self.bytes <= 8 => [word, word.wrapping_shr(y), word.wrapping_shr(z)],
+            ([y, z], low) => [low, word.wrapping_shr(y) as u64, word.wrapping_shr(z) as u64],
+        };
+        let value = |axis: usize| {
+            let count = (fields[axis] & self.masks[axis]) as i64;
+            decimal::value(count.wrapping_add(self.least[axis]), self.decimals)
+        };
         Some(DVec3::new(value(0), value(1), value(2)))
     }
 }
@@ -234,8 +277,9 @@ impl PositionRuns {
                 std::io::ErrorKind::InvalidInput => self.lacks(last),
                 _ => Error::io(&self.path, "map", e),
             })?;
+            let form = run.form().ok_or_else(|| self.lacks(id))?;
             for &other in &ids[at..end] {
-                out.push(run.decode(&window, (other - id) as usize).ok_or_else(|| self.lacks(other))?);
+                out.push(form.decode(&window, (other - id) as usize).ok_or_else(|| self.lacks(other))?);
             }
             at = end;
         }
