@@ -127,6 +127,10 @@ impl FaceBlock {
 pub(super) const FACE_BYTES_MAX: usize = 2 + 7 * 4 + 4;
 /// Bytes accessed to decode or encode a face; the last value may be read four bytes wide.
 const WINDOW_BYTES: usize = 40;
+/// No word of a face begins at this offset or later.
+const OFFSETS_END: usize = 32;
+/// Masks of values of one to four bytes.
+const VALUE_MASKS: [u32; 4] = [0xff, 0xffff, 0x00ff_ffff, u32::MAX];
 /// Number of faces for which output is reserved at once.
 const ENCODED_AT_ONCE: usize = 256;
 
@@ -135,6 +139,7 @@ const CONTINUES: u16 = 2;
 const BARE: u16 = 4;
 const DEVIATES: u16 = 8;
 const SIZES_SHIFT: u32 = 4;
+const TEXCOORD_SIZES_SHIFT: u32 = 6;
 
 /// Values of the previous face, from which differences are taken.
 #[derive(Debug, Default)]
@@ -152,7 +157,7 @@ pub fn encode_block(faces: &[Face<PieceVertex>], out: &mut Vec<u8>) -> FaceBlock
     let (mut vertices, mut texcoords) = (IdSpan::default(), IdSpan::default());
     for face in faces {
         face.vertices.into_iter().for_each(|id| vertices.see(id));
-        face.named_texcoords().for_each(|id| texcoords.see(id));
+        face.texcoords.into_iter().for_each(|id| texcoords.see(id));
     }
     FaceBlock {
         offset_bytes: 0,
@@ -184,10 +189,9 @@ pub fn encode<V: FaceVertex>(faces: &[Face<V>], out: &mut Vec<u8>) {
 /// # Errors
 /// A description of the fault if the bytes are invalid.
 pub fn decode<V: FaceVertex>(bytes: &[u8], count: usize, out: &mut Vec<Face<V>>) -> Result<(), String> {
-    out.reserve(count);
     let mut before = Before::default();
     let mut at = 0;
-    for _ in 0..count {
+    let next = |_| {
         let rest = bytes.get(at..).unwrap_or(&[]);
         let (face, taken) = match rest.first_chunk() {
             Some(window) => take_face(window, &mut before),
@@ -198,8 +202,9 @@ pub fn decode<V: FaceVertex>(bytes: &[u8], count: usize, out: &mut Vec<Face<V>>)
             }
         };
         at += taken;
-        out.push(face);
-    }
+        face
+    };
+    out.extend((0..count).map(next));
     match bytes.len().checked_sub(at) {
         Some(0) => Ok(()),
         Some(left) => Err(format!("{left} bytes are left after the faces")),
@@ -219,18 +224,12 @@ fn put_face<V: FaceVertex>(window: &mut [u8; WINDOW_BYTES], face: &Face<V>, befo
         put_word(window, at, before.part);
         at += 4;
     }
-    let mut sizes = 0;
-    let [v0, v1, v2] = face.vertices.map(V::number);
-    put_difference(window, &mut at, &mut sizes, 0, v0.wrapping_sub(before.vertex));
-    put_difference(window, &mut at, &mut sizes, 1, v1.wrapping_sub(v0));
-    put_difference(window, &mut at, &mut sizes, 2, v2.wrapping_sub(v1));
-    before.vertex = v0;
+    let mut sizes = put_ids(window, &mut at, before.vertex, face.vertices.map(V::number));
+    before.vertex = face.vertices[0].number();
     if !bare {
-        let [t0, t1, t2] = face.texcoords.map(|t| t.number().wrapping_add(1));
-        put_difference(window, &mut at, &mut sizes, 3, t0.wrapping_sub(before.texcoord));
-        put_difference(window, &mut at, &mut sizes, 4, t1.wrapping_sub(t0));
-        put_difference(window, &mut at, &mut sizes, 5, t2.wrapping_sub(t1));
-        before.texcoord = t0;
+        let texcoords = face.texcoords.map(|t| t.number().wrapping_add(1));
+        sizes |= put_ids(window, &mut at, before.texcoord, texcoords) << TEXCOORD_SIZES_SHIFT;
+        before.texcoord = texcoords[0];
     }
     if deviates {
         put_word(window, at, face.deviation.to_bits());
@@ -249,23 +248,19 @@ fn put_face<V: FaceVertex>(window: &mut [u8; WINDOW_BYTES], face: &Face<V>, befo
 #[inline(always)]
 fn take_face<V: FaceVertex>(window: &[u8; WINDOW_BYTES], before: &mut Before) -> (Face<V>, usize) {
     let tag = u16::from_le_bytes([window[0], window[1]]);
-    let mut sizes = u32::from(tag) >> SIZES_SHIFT;
+    let sizes = u32::from(tag) >> SIZES_SHIFT;
     let mut at = 2;
     if tag & PART_DIFFERS != 0 {
         before.part = word_at(window, at);
         at += 4;
     }
-    let v0 = before.vertex.wrapping_add(take_difference(window, &mut at, &mut sizes));
-    let v1 = v0.wrapping_add(take_difference(window, &mut at, &mut sizes));
-    let v2 = v1.wrapping_add(take_difference(window, &mut at, &mut sizes));
-    before.vertex = v0;
+    let vertices = take_ids(window, &mut at, before.vertex, sizes);
+    before.vertex = vertices[0];
     let mut texcoords = [Id::NONE; 3];
     if tag & BARE == 0 {
-        let t0 = before.texcoord.wrapping_add(take_difference(window, &mut at, &mut sizes));
-        let t1 = t0.wrapping_add(take_difference(window, &mut at, &mut sizes));
-        let t2 = t1.wrapping_add(take_difference(window, &mut at, &mut sizes));
-        before.texcoord = t0;
-        texcoords = [t0, t1, t2].map(|t| Id::new(t.wrapping_sub(1)));
+        let ids = take_ids(window, &mut at, before.texcoord, sizes >> TEXCOORD_SIZES_SHIFT);
+        before.texcoord = ids[0];
+        texcoords = ids.map(|t| Id::new(t.wrapping_sub(1)));
     }
     let mut deviation = 0.0;
     if tag & DEVIATES != 0 {
@@ -274,7 +269,7 @@ fn take_face<V: FaceVertex>(window: &[u8; WINDOW_BYTES], before: &mut Before) ->
     }
     (
         Face {
-            vertices: [v0, v1, v2].map(V::new),
+            vertices: vertices.map(V::new),
             texcoords,
             part: PartId::new(before.part),
             continues_polygon: tag & CONTINUES != 0,
@@ -284,61 +279,72 @@ fn take_face<V: FaceVertex>(window: &[u8; WINDOW_BYTES], before: &mut Before) ->
     )
 }
 
-/// Encodes the difference of two ids, modulo 2³², folded to an unsigned number: 0, -1, 1, -2, 2, …
+/// Encodes each of three ids as the difference from the one before, modulo 2³², folded to an unsigned number: 0, -1, 1,
+/// -2, 2, … Returns the sizes of these numbers in bytes, less one, two bits each.
 #[inline(always)]
-fn put_difference(window: &mut [u8; WINDOW_BYTES], at: &mut usize, sizes: &mut u32, place: u32, difference: u32) {
-    let value = difference << 1 ^ ((difference as i32) >> 31) as u32;
-    let more = (31 - (value | 1).leading_zeros()) / 8;
-    put_word(window, *at, value);
-    *at += more as usize + 1;
-    *sizes |= more << (2 * place);
+fn put_ids(window: &mut [u8; WINDOW_BYTES], at: &mut usize, mut before: u32, ids: [u32; 3]) -> u32 {
+    let mut sizes = 0;
+    for (place, id) in (0..).zip(ids) {
+        let difference = id.wrapping_sub(before);
+        let value = difference << 1 ^ ((difference as i32) >> 31) as u32;
+        let more = (31 - (value | 1).leading_zeros()) / 8;
+        put_word(window, *at, value);
+        *at += more as usize + 1;
+        sizes |= more << (2 * place);
+        before = id;
+    }
+    sizes
 }
 
+/// Decodes three ids, given the sizes of their differences.
 #[inline(always)]
-fn take_difference(window: &[u8; WINDOW_BYTES], at: &mut usize, sizes: &mut u32) -> u32 {
-    let more = *sizes & 3;
-    *sizes >>= 2;
-    let value = word_at(window, *at) & (u32::MAX >> (24 - 8 * more));
-    *at += more as usize + 1;
-    value >> 1 ^ (value & 1).wrapping_neg()
+fn take_ids(window: &[u8; WINDOW_BYTES], at: &mut usize, before: u32, sizes: u32) -> [u32; 3] {
+    let mut take = |place: u32| {
+        let more = (sizes >> (2 * place)) as usize % VALUE_MASKS.len();
+        let value = word_at(window, *at) & VALUE_MASKS[more];
+        *at += more + 1;
+        value >> 1 ^ (value & 1).wrapping_neg()
+    };
+    let first = before.wrapping_add(take(0));
+    let second = first.wrapping_add(take(1));
+    [first, second, second.wrapping_add(take(2))]
 }
 
-/// NOTE: offsets stay below [`WINDOW_BYTES`] - 4 for all sizes that a tag can hold, so the default is never used.
+/// The word at an offset. The remainder is the offset itself, and tells the compiler that the word lies in the window.
 #[inline(always)]
 fn word_at(window: &[u8; WINDOW_BYTES], at: usize) -> u32 {
-    window.get(at..at + 4).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes)
+    window[at % OFFSETS_END..].first_chunk().map_or(0, |bytes| u32::from_le_bytes(*bytes))
 }
 
 #[inline(always)]
 fn put_word(window: &mut [u8; WINDOW_BYTES], at: usize, word: u32) {
-    if let Some(bytes) = window.get_mut(at..at + 4) {
-        bytes.copy_from_slice(&word.to_le_bytes());
+    if let Some(bytes) = window[at % OFFSETS_END..].first_chunk_mut() {
+        *bytes = word.to_le_bytes();
     }
 }
 
-/// The lowest and the highest of some ids.
+/// The smallest range that contains some ids.
 #[derive(Debug)]
 struct IdSpan {
     low: u32,
-    high: u32,
+    end: u32,
 }
 
 impl Default for IdSpan {
     fn default() -> Self {
-        Self { low: u32::MAX, high: 0 }
+        Self { low: u32::MAX, end: 0 }
     }
 }
 
 impl IdSpan {
+    /// Includes an id, unless it is [`Id::NONE`]: the number after that is 0.
     fn see(&mut self, id: impl Id) {
         self.low = self.low.min(id.number());
-        self.high = self.high.max(id.number());
+        self.end = self.end.max(id.number().wrapping_add(1));
     }
 
-    /// The smallest range that contains all of them.
     fn range<I: Id>(&self) -> Range<I> {
-        let (start, end) = if self.low > self.high { (0, 0) } else { (self.low, self.high.saturating_add(1)) };
-        I::new(start)..I::new(end)
+        I::new(self.low.min(self.end))..I::new(self.end)
     }
 }
 
