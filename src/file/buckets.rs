@@ -55,18 +55,18 @@ fn extent_records_max<T>() -> usize {
 }
 
 impl<T: Record, K: CellKey> Sorted<T, K> {
-    /// Sorts records by cell; keeps the order within a cell.
-    pub fn new(records: &[(K, T)]) -> Self {
+    /// Sorts records by cell, given the cell of each; keeps the order within a cell.
+    pub fn new(cells: &[K], records: &[T]) -> Self {
         let mut sorted = Self { many: Vec::new(), few: Vec::new() };
-        let cells = || records.iter().map(|entry| entry.0.into());
-        let (Some(low), Some(high)) = (cells().min(), cells().max()) else { return sorted };
+        let numbers = || cells.iter().map(|&cell| cell.into());
+        let (Some(low), Some(high)) = (numbers().min(), numbers().max()) else { return sorted };
         // Counting sort: cell numbers follow space, so a batch spans few cells.
         let mut places = vec![0usize; high - low + 2];
-        cells().for_each(|cell| places[cell - low + 1] += 1);
+        numbers().for_each(|cell| places[cell - low + 1] += 1);
         (1..places.len()).for_each(|at| places[at] += places[at - 1]);
-        let mut by_cell = vec![records[0].1; records.len()];
-        for &(cell, record) in records {
-            let place = &mut places[cell.into() - low];
+        let mut by_cell = vec![records[0]; records.len()];
+        for (cell, &record) in numbers().zip(records) {
+            let place = &mut places[cell - low];
             by_cell[*place] = record;
             *place += 1;
         }
@@ -229,20 +229,26 @@ impl<T: Record, K: CellKey> Buckets<T, K> {
     /// # Errors
     /// On failed reads and damaged files, and those of `take`.
     pub fn read(&self, cell: K, mut take: impl FnMut(&[T]) -> Result<()>) -> Result<()> {
-        self.read_some(cell, |_| true, |_, records| take(records))
+        let most = self.extents[cell.into()].iter().map(|extent| extent.records as usize).max();
+        let mut records = Vec::with_capacity(most.unwrap_or(0).min(EXTENT_RECORDS_MAX));
+        let whole_cell = |_: Range<usize>| true;
+        self.each_extent(cell, whole_cell, |bytes, places| {
+            records.clear();
+            T::decode(bytes, places.len(), &mut records).map_err(|message| self.damaged(message))?;
+            take(&records)
+        })
     }
 
-    /// Passes the records of those extents of a cell to `take` that are `wanted`, with their places among the records of
-    /// the cell.
-    fn read_some(
+    /// Passes the bytes of those extents of a cell to `take` whose places among the records of the cell are `wanted`,
+    /// with these places.
+    fn each_extent(
         &self,
         cell: K,
         wanted: impl Fn(Range<usize>) -> bool,
-        mut take: impl FnMut(Range<usize>, &[T]) -> Result<()>,
+        mut take: impl FnMut(&[u8], Range<usize>) -> Result<()>,
     ) -> Result<()> {
-        let damaged = |message: String| Error::Damaged { path: self.path.clone(), message };
         let file = File::open(&self.path).map_err(|e| Error::io(&self.path, "open", e))?;
-        let (mut bytes, mut records) = (Vec::new(), Vec::new());
+        let mut bytes = Vec::new();
         let mut end = 0;
         for extent in &self.extents[cell.into()] {
             let places = end..end + extent.records as usize;
@@ -251,18 +257,20 @@ impl<T: Record, K: CellKey> Buckets<T, K> {
                 continue;
             }
             if !extent.is_sound() {
-                return Err(damaged(format!("an extent of {} records in {} bytes", extent.records, extent.bytes)));
+                return Err(self.damaged(format!("an extent of {} records in {} bytes", extent.records, extent.bytes)));
             }
             bytes.resize(extent.bytes as usize, 0);
             read_exact_at(&file, &mut bytes, extent.offset_bytes).map_err(|e| Error::io(&self.path, "read", e))?;
             if xxh3_64(&bytes) != extent.checksum {
-                return Err(damaged("the checksum of an extent differs from what was written".into()));
+                return Err(self.damaged("the checksum of an extent differs from what was written".into()));
             }
-            records.clear();
-            T::decode(&bytes, extent.records as usize, &mut records).map_err(damaged)?;
-            take(places, &records)?;
+            take(&bytes, places)?;
         }
         Ok(())
+    }
+
+    fn damaged(&self, message: String) -> Error {
+        Error::Damaged { path: self.path.clone(), message }
     }
 
     /// Returns the records of a cell, or of the first of every `step` runs of [`RUN_RECORDS`] of them. Which ones these
@@ -273,9 +281,16 @@ impl<T: Record, K: CellKey> Buckets<T, K> {
     pub fn to_vec(&self, step: usize, cell: K) -> Result<Vec<T>> {
         let mut all = Vec::with_capacity(self.len(cell) as usize / step);
         let is_wanted = |places: Range<usize>| chosen_runs(places, step).next().is_some();
-        self.read_some(cell, is_wanted, |places, records| {
-            for run in chosen_runs(places.clone(), step) {
-                all.extend_from_slice(&records[run.start - places.start..run.end - places.start]);
+        self.each_extent(cell, is_wanted, |bytes, places| {
+            let begin = all.len();
+            T::decode(bytes, places.len(), &mut all).map_err(|message| self.damaged(message))?;
+            if step > 1 {
+                let mut end = begin;
+                for run in chosen_runs(places.clone(), step) {
+                    all.copy_within(begin + run.start - places.start..begin + run.end - places.start, end);
+                    end += run.len();
+                }
+                all.truncate(end);
             }
             Ok(())
         })?;
@@ -357,8 +372,8 @@ mod tests {
         let record = |i: u64| Large([i; 64]);
         let mut writer = BucketWriter::create(&folder.path().join("a.buckets"), 1).unwrap();
         (0..10_000).for_each(|i| writer.push(0, record(i)).unwrap());
-        let batch: Vec<(usize, Large)> = (10_000..20_000).map(|i| (0, record(i))).collect();
-        writer.append(Sorted::new(&batch)).unwrap();
+        let batch: Vec<Large> = (10_000..20_000).map(record).collect();
+        writer.append(Sorted::new(&vec![0; batch.len()], &batch)).unwrap();
         let (buckets, mut next) = (writer.finish().unwrap(), 0);
         let check = |records: &[Large]| {
             records.iter().for_each(|found| {
@@ -399,16 +414,19 @@ mod tests {
     #[test]
     fn which_records_are_sampled_depends_on_their_places_alone() {
         let folder = tempfile::tempdir().unwrap();
-        let records: Vec<(usize, [u32; 2])> = (0..30_000).map(|i| (i as usize % 3 / 2, [i, 0])).collect();
+        let (cells, records): (Vec<usize>, Vec<[u32; 2]>) = (0..30_000).map(|i| (i as usize % 3 / 2, [i, 0])).unzip();
         let mut sampled = Vec::new();
         for batch in [1, 100, 9_000, 30_000] {
             let mut writer = BucketWriter::create(&folder.path().join("a.buckets"), 2).unwrap();
-            records.chunks(batch).for_each(|batch| writer.append(Sorted::new(batch)).unwrap());
+            for (cells, records) in cells.chunks(batch).zip(records.chunks(batch)) {
+                writer.append(Sorted::new(cells, records)).unwrap();
+            }
             let buckets = writer.finish().unwrap();
             sampled.push([1, 2, 4].map(|step| [0, 1].map(|cell| buckets.to_vec(step, cell).unwrap())));
         }
         assert!(sampled.iter().all(|found| *found == sampled[0]));
-        let own: Vec<[u32; 2]> = records.iter().filter(|record| record.0 == 0).map(|record| record.1).collect();
+        let is_own = |(cell, record): (&usize, &[u32; 2])| (*cell == 0).then_some(*record);
+        let own: Vec<[u32; 2]> = cells.iter().zip(&records).filter_map(is_own).collect();
         assert_eq!(sampled[0][2][0], [&own[..RUN_RECORDS], &own[4 * RUN_RECORDS..]].concat());
     }
 

@@ -30,7 +30,7 @@ use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Result, lock};
 use crate::file::buckets::{BucketWriter, Buckets, Sorted};
 use crate::model::face::{FaceBlock, repeats_vertex};
-use crate::model::id::{MeshVertex, PieceVertex, Texcoord};
+use crate::model::id::{FaceVertex, MeshVertex, Texcoord};
 use crate::model::stored_mesh::PieceNumbering;
 use crate::model::{Face, StoredMesh, StoredPiece};
 use crate::os::system::{read_exact_at, write_all_at};
@@ -83,21 +83,29 @@ struct Job<'a> {
 
 impl Job<'_> {
     fn read(&self) -> Result<Vec<Face<MeshVertex>>> {
+        self.read_as(|face| face)
+    }
+
+    /// Reads its faces, each turned into another numbering by `renumbered`.
+    fn read_as<V: FaceVertex>(&self, mut renumbered: impl FnMut(Face<MeshVertex>) -> Face<V>) -> Result<Vec<Face<V>>> {
         let (mut bytes, mut faces) = (Vec::new(), Vec::new());
         self.piece.faces.read_block(&self.piece.faces.open()?, self.block, &mut bytes, &mut faces)?;
         let vertices = self.numbering.vertex_base.plus(self.numbering.own);
         let texcoords = self.numbering.texcoord_base.plus(self.piece.texcoords.len() as u32);
-        let globalise = |face: Face<PieceVertex>| {
+        let mut out = Vec::with_capacity(faces.len());
+        for face in &faces {
             let is_of_block = face.vertices.iter().all(|v| self.block.vertices.contains(v));
-            let face = self.numbering.globalise(&face);
-            let is_whole = face.vertices.iter().all(|&v| v < vertices) && face.named_texcoords().all(|t| t < texcoords);
-            if is_of_block && is_whole {
-                return Ok(face);
+            let face = self.numbering.globalise(face);
+            if !is_of_block
+                || face.vertices.iter().any(|&v| v >= vertices)
+                || face.named_texcoords().any(|t| t >= texcoords)
+            {
+                let message = "a face names a vertex or texture coordinate that is not there".to_owned();
+                return Err(Error::Damaged { path: self.piece.faces.path().to_owned(), message });
             }
-            let message = "a face names a vertex or texture coordinate that is not there".to_owned();
-            Err(Error::Damaged { path: self.piece.faces.path().to_owned(), message })
-        };
-        faces.into_iter().map(globalise).collect()
+            out.push(renumbered(face));
+        }
+        Ok(out)
     }
 
     /// The window of the numbering that contains all its vertices; `None` if it needs several.
@@ -166,21 +174,20 @@ pub(super) fn distribute(
         options.threads,
         options.threads * 2,
         |job| {
-            let mut faces = job.read()?;
+            let mut faces: Vec<Face<PartitionVertex>> = if let Some(window) = job.window {
+                let ranks = loaded.get(ranks, window)?;
+                job.read_as(|face| face.renumbered(|v| ranks[v]))?
+            } else if let Some(corners) = &looked_up {
+                let mut found = corners.read(&job, job.block.faces as usize)?.into_iter();
+                job.read_as(|face| face.with_vertices(found.next().unwrap_or_default()))?
+            } else {
+                let ranks = ranks.whole().unwrap_or_default();
+                job.read_as(|face| face.renumbered(|v| ranks[v]))?
+            };
             if options.drop_texcoords {
                 faces.iter_mut().for_each(|face| face.texcoords = [Texcoord::NONE; 3]);
             }
-            let faces: Vec<Face<PartitionVertex>> = if let Some(window) = job.window {
-                let ranks = loaded.get(ranks, window)?;
-                faces.into_iter().map(|face| face.renumbered(|v| ranks[v])).collect()
-            } else if let Some(corners) = &looked_up {
-                let found = corners.read(&job, faces.len())?;
-                faces.into_iter().zip(found).map(|(face, vertices)| face.with_vertices(vertices)).collect()
-            } else {
-                let ranks = ranks.whole().unwrap_or_default();
-                faces.into_iter().map(|face| face.renumbered(|v| ranks[v])).collect()
-            };
-            Ok(assign(&faces, numbering))
+            Ok(assign(faces, numbering))
         },
         |assigned: AssignedFaces| {
             degenerate += assigned.degenerate;
@@ -224,8 +231,8 @@ struct WedgeRun {
 }
 
 /// Chooses the cluster of each face of a block; drops triangles that repeat a vertex.
-fn assign(faces: &[Face<PartitionVertex>], numbering: &Numbering) -> AssignedFaces {
-    let mut placed: Vec<(ClusterId, Face<PartitionVertex>)> = Vec::with_capacity(faces.len());
+fn assign(mut faces: Vec<Face<PartitionVertex>>, numbering: &Numbering) -> AssignedFaces {
+    let mut clusters: Vec<ClusterId> = Vec::with_capacity(faces.len());
     let (mut foreign_corners, mut wedges, mut degenerate) = (Vec::new(), Vec::new(), 0);
     let mut stretches = SeenStretches::new();
     let mut recent_wedges = RecentWedges::default();
@@ -237,13 +244,15 @@ fn assign(faces: &[Face<PartitionVertex>], numbering: &Numbering) -> AssignedFac
         }
         last.0
     };
-    for (i, face) in faces.iter().enumerate() {
+    for i in 0..faces.len() {
+        let face = &faces[i];
         let is_polygon = face.continues_polygon || faces.get(i + 1).is_some_and(|next| next.continues_polygon);
         if !is_polygon && repeats_vertex(face.vertices) {
             degenerate += 1;
             continue;
         }
-        let cells = face.vertices.map(&mut cell_of);
+        let [a, b, c] = face.vertices;
+        let cells = [cell_of(a), cell_of(b), cell_of(c)];
         let cluster = match cells {
             [first, ..] if is_polygon => first,
             [_, b, c] if b == c => b,
@@ -261,9 +270,14 @@ fn assign(faces: &[Face<PartitionVertex>], numbering: &Numbering) -> AssignedFac
             Some(WedgeRun { cluster: last, count }) if *last == cluster => *count += new_wedges,
             _ => wedges.push(WedgeRun { cluster, count: new_wedges }),
         }
-        placed.push((cluster, *face));
+        // Faces move up to where some were dropped.
+        if clusters.len() < i {
+            faces[clusters.len()] = faces[i];
+        }
+        clusters.push(cluster);
     }
-    AssignedFaces { faces: Sorted::new(&placed), foreign_corners, wedges, stretches: stretches.seen, degenerate }
+    let faces = Sorted::new(&clusters, &faces[..clusters.len()]);
+    AssignedFaces { faces, foreign_corners, wedges, stretches: stretches.seen, degenerate }
 }
 
 /// Cache of the last window of the numbering.
@@ -372,7 +386,7 @@ impl Drop for Corners {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::id::PieceTexcoord;
+    use crate::model::id::{PieceTexcoord, PieceVertex};
 
     /// A piece of three times the same face, in a folder.
     fn piece(folder: &Path) -> StoredPiece {

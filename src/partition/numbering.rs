@@ -216,6 +216,7 @@ impl Record for PlainRecord {
     }
 
     fn decode(bytes: &[u8], count: usize, out: &mut Vec<Self>) -> std::result::Result<(), String> {
+        out.reserve(count);
         let mut positions = Vec::with_capacity(count);
         let bytes = decode_coordinates(bytes, count, &mut positions)?;
         let (mut at, mut id) = (0, 0i64);
@@ -380,9 +381,10 @@ fn bucket_by_cell<R: VertexRecord>(
             };
             let record = |(i, &position): (usize, &DVec3)| {
                 let colour = colours.as_ref().map_or([f32::NAN; 3], |colours| colours[i]);
-                (cells.of(position), R::new(position, base.plus(range.start as u32 + i as u32), colour))
+                R::new(position, base.plus(range.start as u32 + i as u32), colour)
             };
-            Ok(Sorted::new(&window.iter().enumerate().map(record).collect::<Vec<_>>()))
+            let cell_of_each: Vec<ClusterId> = window.iter().map(|&position| cells.of(position)).collect();
+            Ok(Sorted::new(&cell_of_each, &window.iter().enumerate().map(record).collect::<Vec<R>>()))
         },
         |sorted| buckets.append(sorted),
     )?;
@@ -431,9 +433,10 @@ impl WeldedCell {
 }
 
 fn weld_cell<R: VertexRecord>(records: &Buckets<R, ClusterId>, cell: ClusterId, weld: bool) -> Result<WeldedCell> {
-    let vertices = Vec::with_capacity(records.len(cell) as usize);
-    let mut welded = WeldedCell { vertices, ..WeldedCell::default() };
-    let expected = if weld { records.len(cell) as usize } else { 0 };
+    let count = records.len(cell) as usize;
+    let (positions, vertices) = (Vec::with_capacity(count), Vec::with_capacity(count));
+    let mut welded = WeldedCell { positions, vertices, ..WeldedCell::default() };
+    let expected = if weld { count } else { 0 };
     let (mut known, mut fresh) = (Known::with_capacity_and_hasher(expected, RandomState::default()), 0);
     records.read(cell, |records| {
         welded.add(records, weld, &mut known, &mut fresh);

@@ -65,7 +65,8 @@ pub fn cut(
                 put_triangles(*tile, &clipper.completed(polygon), triangle.image, lattice, &mut triangles);
             }
         })?;
-        Ok(Sorted::new(&triangles))
+        let (tiles, triangles): (Vec<usize>, Vec<TileTriangle>) = triangles.into_iter().unzip();
+        Ok(Sorted::new(&tiles, &triangles))
     };
     let cells = 0..level.surface.cells.len();
     map_in_order(cells, limits.threads, limits.threads + 1, cut_cell, |sorted| {
