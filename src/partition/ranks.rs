@@ -16,10 +16,14 @@ const FEW: u32 = 8;
 /// Ranks of ids in an ascending list.
 pub struct SortedIds<'a, R, I> {
     ids: &'a TiSlice<R, I>,
+    /// Number of the first id.
+    first: u32,
     /// Low bits of an id that do not select its slot.
     shift: u32,
     /// Rank of the first id of each slot, then the length of the list.
     starts: Vec<u32>,
+    /// Whether no slot has more than [`FEW`] ids.
+    are_few: bool,
 }
 
 impl<'a, R: Id, I: Id> SortedIds<'a, R, I> {
@@ -33,26 +37,24 @@ impl<'a, R: Id, I: Id> SortedIds<'a, R, I> {
         for slot in 1..starts.len() {
             starts[slot] += starts[slot - 1];
         }
-        Self { ids, shift, starts }
+        let are_few = starts.windows(2).all(|ends| ends[1] - ends[0] <= FEW);
+        Self { ids, first, shift, starts, are_few }
     }
 
     /// Rank of an id in the list. For an id that is not in the list, some rank up to its length.
     #[inline]
     pub fn of(&self, id: I) -> R {
-        let first = self.ids.first().map_or(0, |id| id.number());
-        let slot = (id.number().wrapping_sub(first) >> self.shift) as usize;
-        let (Some(&start), Some(&end)) = (self.starts.get(slot), self.starts.get(slot + 1)) else {
-            return R::from(self.ids.len());
-        };
-        if end - start > FEW {
-            let ids = &self.ids.raw[start as usize..end as usize];
-            return R::new(start + ids.partition_point(|&other| other < id) as u32);
+        let slot = (id.number().wrapping_sub(self.first) >> self.shift) as usize;
+        let Some(&start) = self.starts.get(slot) else { return R::from(self.ids.len()) };
+        let mut rank = start as usize;
+        if !self.are_few {
+            let end = self.starts.get(slot + 1).map_or(self.ids.len(), |&end| end as usize);
+            rank += self.ids.raw[rank..end].partition_point(|&other| other < id);
         }
-        let mut rank = start;
-        while rank < end && self.ids.raw[rank as usize] < id {
+        while self.ids.raw.get(rank).is_some_and(|&other| other < id) {
             rank += 1;
         }
-        R::new(rank)
+        R::from(rank)
     }
 }
 

@@ -59,8 +59,16 @@ impl ClusterFaces {
     }
 
     /// Positions of the corners of a face.
+    #[inline]
     pub fn triangle(&self, face: FaceId) -> [DVec3; 3] {
-        self.vertices(face).map(|v| self.positions[v])
+        self.triangle_of(&self.faces[face])
+    }
+
+    /// Positions of the corners of one of the faces.
+    #[inline]
+    pub(super) fn triangle_of(&self, face: &Face<LocalVertex>) -> [DVec3; 3] {
+        let [a, b, c] = face.vertices;
+        [self.positions[a], self.positions[b], self.positions[c]]
     }
 
     /// Faces of a whole mesh in memory, by its own ids. Welds vertices at
@@ -189,10 +197,12 @@ fn mostly_own_vertices_of(
 ) -> TiVec<LocalVertex, PartitionVertex> {
     let mut are_used = IdWindow::filled(own, false);
     let mut foreign = HashSet::new();
-    for vertex in faces.iter().flat_map(|face| face.vertices) {
-        match are_used.get_mut(vertex) {
-            Some(is_used) => *is_used = true,
-            None => _ = foreign.insert(vertex),
+    for face in faces {
+        for vertex in face.vertices {
+            match are_used.get_mut(vertex) {
+                Some(is_used) => *is_used = true,
+                None => _ = foreign.insert(vertex),
+            }
         }
     }
     // NOTE: sorted at once, so the order of the set does not affect the result.

@@ -35,8 +35,12 @@ impl Rounding {
     pub fn decimals(&self, shortest: f64) -> u32 {
         let bounded = self.max_error.map_or(f64::INFINITY, |most| BOUND_UNIT_SHARE * most);
         let step = (2.0 * ROUNDING_SHARE * shortest).min(bounded);
+        let needed = decimals_for(step);
+        if self.input_decimals <= needed {
+            return needed;
+        }
         // The decimals of the input, but no finer than a thousandth of what is needed: some exporters write 1e-05.
-        self.input_decimals.min(decimals_for(step * 1e-3)).max(decimals_for(step))
+        self.input_decimals.min(decimals_for(step * 1e-3)).max(needed)
     }
 }
 

@@ -91,28 +91,30 @@ impl ClusterSource {
         }
         let own_count = own.len() as u32;
         let mut texcoord_of = simplified.per_wedge(PieceTexcoord::NONE);
-        let mut texcoords = TiVec::new();
+        let mut texcoords = TiVec::with_capacity(own.len());
         let mut faces = Vec::with_capacity(simplified.corners.len());
         for (face, corners) in simplified.corners.iter_enumerated() {
             let part = simplified.parts[face];
             let locals = corners.map(|wedge| simplified.wedge_vertex[wedge]);
-            let vertices = locals.map(|local| {
-                if simplified.is_shared(local) {
+            let mut vertices = [PieceVertex::NONE; 3];
+            for (vertex, local) in vertices.iter_mut().zip(locals) {
+                *vertex = if simplified.is_shared(local) {
                     PieceVertex::of_shared(partition.faces.shared.rank(self.vertex_ids[local]), own_count)
                 } else {
                     in_piece[local]
-                }
-            });
-            for &wedge in corners {
+                };
+            }
+            let mut named = [PieceTexcoord::NONE; 3];
+            for (named, &wedge) in named.iter_mut().zip(corners) {
                 if texcoord_of[wedge] == PieceTexcoord::NONE && simplified.wedge_uv[wedge].is_finite() {
                     let texcoord = self.texcoord_of(simplified, catalogue, wedge, scale.of(catalogue, part));
                     texcoord_of[wedge] = texcoords.push_and_get_key(texcoord);
                 }
+                *named = texcoord_of[wedge];
             }
             let shift = locals.into_iter().map(|local| shifts[local]).fold(0.0, f64::max);
             let deviation = rounded_up(f64::from(simplified.deviations[face]) + shift);
-            let texcoords = corners.map(|wedge| texcoord_of[wedge]);
-            faces.push(Face { vertices, texcoords, part, continues_polygon: false, deviation });
+            faces.push(Face { vertices, texcoords: named, part, continues_polygon: false, deviation });
         }
         Ok(PieceContent { positions, texcoords, colours, faces })
     }

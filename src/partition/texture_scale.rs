@@ -69,11 +69,12 @@ impl ClusterFaces {
             if face.texcoords.contains(&Id::NONE) {
                 continue;
             }
-            let corners = face.vertices.map(|v| self.positions[v]);
-            let uv = face.texcoords.map(|id| self.texcoords[ranks.of(id)]);
-            let texture = (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]).abs();
+            let ([a, b, c], uv_of) =
+                (self.triangle_of(face), |corner: usize| self.texcoords[ranks.of(face.texcoords[corner])]);
+            let (first, second, third) = (uv_of(0), uv_of(1), uv_of(2));
+            let texture = (second - first).perp_dot(third - first).abs();
             if texture.is_finite() {
-                sum.space += (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
+                sum.space += (b - a).cross(c - a).length();
                 sum.texture += texture;
             }
         }

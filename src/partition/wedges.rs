@@ -51,13 +51,17 @@ pub(super) struct WedgeBuilder<'a> {
 impl<'a> WedgeBuilder<'a> {
     pub fn new(mesh: &'a mut ClusterMesh, texcoords: &'a TiSlice<ClusterTexcoord, DVec2>) -> Self {
         let vertex_count = mesh.positions.len();
+        // An ordinary mesh has a wedge for each texture coordinate.
+        let wedge_count = texcoords.len().clamp(vertex_count + vertex_count / 4, 2 * vertex_count);
+        mesh.wedge_vertex.reserve(wedge_count);
+        mesh.wedge_uv.reserve(wedge_count);
         let first = mesh.per_vertex(Wedge::NONE);
         Self {
             mesh,
             texcoords,
-            texcoord_of: TiVec::new(),
+            texcoord_of: TiVec::with_capacity(wedge_count),
             first,
-            chained: TiVec::with_capacity(vertex_count + vertex_count / 4),
+            chained: TiVec::with_capacity(wedge_count),
             recent: vec![Wedge::NONE; texcoords.len()].into(),
             crowd: HashMap::new(),
         }
