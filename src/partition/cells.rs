@@ -126,7 +126,8 @@ impl VertexGrid {
     #[inline]
     fn index(&self, position: DVec3) -> usize {
         let last = (self.side - 1) as f64;
-        let cell = ((position - self.low) / self.step).floor().clamp(DVec3::ZERO, DVec3::splat(last));
+        // The conversion cuts off fractions.
+        let cell = ((position - self.low) / self.step).clamp(DVec3::ZERO, DVec3::splat(last));
         (cell.z as usize * self.side + cell.y as usize) * self.side + cell.x as usize
     }
 
@@ -322,9 +323,14 @@ impl Splitter<'_> {
         let (mut lower, mut upper) = (range, range);
         lower.high[axis] = cut;
         upper.low[axis] = cut;
-        filled.sort_unstable_by_key(|cell| usize::from(cell.at[axis]) >= cut);
-        let (below_cut, above_cut) =
-            filled.split_at_mut(filled.partition_point(|cell| usize::from(cell.at[axis]) < cut));
+        let mut below_count = 0;
+        for at in 0..filled.len() {
+            if usize::from(filled[at].at[axis]) < cut {
+                filled.swap(at, below_count);
+                below_count += 1;
+            }
+        }
+        let (below_cut, above_cut) = filled.split_at_mut(below_count);
         self.split(below_cut, below, level + 1, lower);
         self.split(above_cut, above, level + 1, upper);
     }

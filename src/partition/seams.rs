@@ -2,6 +2,7 @@
 
 use super::ranks::SortedIds;
 use super::reading::ClusterFaces;
+use crate::base::id::TiVec;
 use crate::mesh::id::LocalVertex;
 use crate::mesh::seam_density::SeamTally;
 use crate::model::Catalogue;
@@ -11,11 +12,31 @@ use crate::model::id::{MaterialId, Texcoord};
 const EDGE_STEP: u32 = 8;
 
 /// An edge of a face: its ends, the smaller vertex first, and the texcoords and material of the face there.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy)]
 struct SeamSide {
     ends: [LocalVertex; 2],
     texcoords: [Texcoord; 2],
     material: MaterialId,
+}
+
+/// Sorts edges of a mesh of `vertex_count` vertices by their ends: at first by the smaller vertex, which needs no
+/// comparisons.
+fn sorted(sides: &[SeamSide], vertex_count: usize) -> Vec<SeamSide> {
+    let mut places: TiVec<LocalVertex, u32> = vec![0; vertex_count + 1].into();
+    sides.iter().for_each(|side| places[side.ends[0].plus(1)] += 1);
+    for vertex in 1..places.len() {
+        places.raw[vertex] += places.raw[vertex - 1];
+    }
+    let mut sorted = sides.to_vec();
+    for side in sides {
+        let place = &mut places[side.ends[0]];
+        sorted[*place as usize] = *side;
+        *place += 1;
+    }
+    for around in sorted.chunk_by_mut(|one, other| one.ends[0] == other.ends[0]) {
+        around.sort_unstable_by_key(|side| side.ends[1]);
+    }
+    sorted
 }
 
 /// Reports whether the edges whose smaller vertex is this one are sampled.
@@ -30,7 +51,7 @@ impl ClusterFaces {
         let mut tally = SeamTally { faces: self.faces.len() as u64, ..SeamTally::default() };
         let mut sides: Vec<SeamSide> = Vec::with_capacity(self.faces.len() / 2);
         for face in &self.faces {
-            let [a, b, c] = face.vertices.map(|v| self.positions[v]);
+            let [a, b, c] = self.triangle_of(face);
             tally.area += 0.5 * (b - a).cross(c - a).length();
             for (i, j) in [(0, 1), (1, 2), (2, 0)] {
                 let (i, j) = if face.vertices[i] < face.vertices[j] { (i, j) } else { (j, i) };
@@ -43,8 +64,7 @@ impl ClusterFaces {
         }
         let ranks = SortedIds::new(&self.texcoord_ids);
         let uv_of = |id: Texcoord| id.some().map(|id| self.texcoords[ranks.of(id)].to_array().map(f64::to_bits));
-        sides.sort_unstable();
-        for edge in sides.chunk_by(|one, other| one.ends == other.ends) {
+        for edge in sorted(&sides, self.positions.len()).chunk_by(|one, other| one.ends == other.ends) {
             let first = edge[0];
             let differs = |side: &SeamSide| {
                 side.material != first.material
@@ -64,7 +84,6 @@ mod tests {
     use glam::{DVec2, DVec3};
 
     use super::*;
-    use crate::base::id::TiVec;
     use crate::model::id::{FileId, PartId};
     use crate::model::{Face, Part};
     use crate::partition::id::PartitionVertex;
