@@ -76,7 +76,7 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     for piece in &result.pieces {
         progress.check_stopped()?;
         let corners = PieceCorners::read(result, piece, false)?;
-        let triangle = |face: &[PieceVertex; 3]| face.map(|vertex| corners.position(vertex));
+        let triangle = |&[a, b, c]: &[PieceVertex; 3]| [corners.position(a), corners.position(b), corners.position(c)];
         let triangles: Vec<[DVec3; 3]> = corners.faces.iter().map(triangle).collect();
         drop(corners);
         let search = || nearest_sq(triangles.len(), |face| triangles[face as usize], &of_input, &mut to_result);

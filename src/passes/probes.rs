@@ -273,7 +273,8 @@ impl Probes {
 
     /// A triangle in or around a chosen cell.
     pub fn triangle(&self, triangle: ProbeTriangle) -> [DVec3; 3] {
-        self.triangles[triangle].map(|vertex| self.vertices[vertex])
+        let [a, b, c] = self.triangles[triangle];
+        [self.vertices[a], self.vertices[b], self.vertices[c]]
     }
 
     /// Faces of the input.

@@ -121,7 +121,11 @@ pub fn evenly_spread(faces: &TiSlice<ClusterId, u64>, count: usize) -> Vec<Clust
 
 /// Cuts a patch of about `faces` faces out of a cluster.
 pub fn patch(mesh: &ClusterMesh, faces: usize) -> ClusterMesh {
-    let (triangle, vertices) = (|face| mesh.triangle(face), |face| mesh.vertices(face));
+    let vertices = |face| mesh.vertices(face);
+    let triangle = |face| {
+        let [a, b, c] = vertices(face);
+        [mesh.positions[a], mesh.positions[b], mesh.positions[c]]
+    };
     let patch = Patch::choose(mesh.corners.len(), faces, mesh.positions.len(), triangle, vertices);
     patch.cut_from(mesh, patch.faces.iter().copied())
 }
@@ -150,24 +154,34 @@ impl Patch {
         }
         let centre_of = |face: FaceId| triangle(face).into_iter().sum::<DVec3>() / 3.0;
         let middle = centre_of(FaceId::from(count / 2));
-        let mut order: Vec<(f64, FaceId)> =
-            FaceId::first(count).map(|face| (centre_of(face).distance_squared(middle), face)).collect();
+        // Squared distance and face in one number: doubles that are not negative are ordered like their bits.
+        let place_of = |face: FaceId| {
+            let distance_sq = centre_of(face).distance_squared(middle);
+            u128::from(distance_sq.to_bits()) << u32::BITS | u128::from(face.number())
+        };
+        let mut order: Vec<u128> = FaceId::first(count).map(place_of).collect();
         let kept = wanted.min(count);
         if kept < count {
-            order.select_nth_unstable_by(kept, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            order.select_nth_unstable(kept);
         }
-        let (inside, outside) = order.split_at(kept);
-        for v in outside.iter().flat_map(|&(_, face)| vertices(face)) {
-            is_rim[v] = true;
+        let mut are_inside: TiVec<FaceId, bool> = vec![false; count].into();
+        order[..kept].iter().for_each(|&place| are_inside[FaceId::new(place as u32)] = true);
+        let mut faces = Vec::with_capacity(kept);
+        for (face, &is_inside) in are_inside.iter_enumerated() {
+            if is_inside {
+                faces.push(face);
+            } else {
+                vertices(face).into_iter().for_each(|v| is_rim[v] = true);
+            }
         }
-        let mut faces: Vec<FaceId> = inside.iter().map(|&(_, face)| face).collect();
-        faces.sort_unstable();
         Self { faces, is_rim }
     }
 
     /// Builds the patch as a mesh with unlinked wedges from these `faces` of `mesh`.
     fn cut_from(&self, mesh: &ClusterMesh, faces: impl Iterator<Item = FaceId>) -> ClusterMesh {
         let mut patch = ClusterMesh::default();
+        // A closed surface has half as many vertices as faces.
+        make_room(&mut patch, self.faces.len() / 2, self.faces.len() / 2, self.faces.len());
         let mut vertex_of = mesh.per_vertex(LocalVertex::NONE);
         let mut wedge_of = mesh.per_wedge(Wedge::NONE);
         for face in faces {
@@ -188,9 +202,23 @@ impl Patch {
     }
 }
 
+/// Reserves memory for more vertices, wedges and faces.
+fn make_room(mesh: &mut ClusterMesh, vertices: usize, wedges: usize, faces: usize) {
+    mesh.positions.reserve(vertices);
+    mesh.flags.reserve(vertices);
+    mesh.wedge_vertex.reserve(wedges);
+    mesh.wedge_uv.reserve(wedges);
+    mesh.corners.reserve(faces);
+    mesh.corner_vertices.reserve(faces);
+    mesh.parts.reserve(faces);
+    mesh.deviations.reserve(faces);
+    mesh.is_turned.reserve(faces);
+}
+
 /// Adds a patch to the sample.
 pub fn append(sample: &mut ClusterMesh, patch: &ClusterMesh) {
     let (vertices, wedges) = (sample.positions.len(), sample.wedge_vertex.len());
+    make_room(sample, patch.positions.len(), patch.wedge_vertex.len(), patch.corners.len());
     for (&position, &flags) in patch.positions.iter().zip(&patch.flags) {
         sample.push_vertex(position, flags);
     }
