@@ -83,14 +83,19 @@ impl ClusterMesh {
     /// faces and with unlinked wedges.
     pub fn is_sound(&self) -> bool {
         let (vertices, wedges, faces) = (self.positions.len(), self.wedge_vertex.len(), self.corners.len());
-        let vertex_of = |wedge: Wedge| self.wedge_vertex.get(wedge).copied();
         self.flags.len() == vertices
             && self.wedge_uv.len() == wedges
             && (self.wedge_next.is_empty() && self.wedge_moved.is_empty())
             && [self.corner_vertices.len(), self.parts.len(), self.deviations.len(), self.is_turned.len()] == [faces; 4]
             && self.face_count == faces
             && self.wedge_vertex.iter().all(|&vertex| vertex.index() < vertices)
-            && self.corners.iter().zip(&self.corner_vertices).all(|(c, v)| c.map(vertex_of) == v.map(Some))
+            && self.has_matching_corners()
+    }
+
+    /// Whether each corner has the vertex of its wedge. No face may be dead.
+    pub fn has_matching_corners(&self) -> bool {
+        let vertex_of = |wedge: Wedge| self.wedge_vertex.get(wedge).copied();
+        self.corners.iter().zip(&self.corner_vertices).all(|(c, v)| c.map(vertex_of) == v.map(Some))
     }
 
     /// All vertices.

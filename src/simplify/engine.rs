@@ -310,6 +310,7 @@ impl<M: Metric> Engine<M> {
     /// Returns the mesh without dead faces, with every face in its input direction.
     pub fn finish(mut self) -> ClusterMesh {
         self.mesh.compact_faces();
+        debug_assert!(self.mesh.has_matching_corners(), "a corner has a vertex that its wedge has not");
         restore(&mut self.mesh);
         self.mesh
     }

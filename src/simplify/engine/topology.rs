@@ -132,7 +132,7 @@ impl<M: Metric> Engine<M> {
         if self.is_held(vertex)
             || self.is_alone(vertex)
             || to == vertex
-            || self.rings.of(to).is_empty()
+            || self.rings.faces(&self.mesh, to).next().is_none()
             || !self.is_apart(vertex, to)
         {
             return None;

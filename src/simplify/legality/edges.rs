@@ -75,6 +75,10 @@ impl EdgeStar {
         if self.dying.is_empty() != fan.is_rip || is_hub(mesh, rings, to) || mesh.is_shared(to) {
             return Err(Refusal::Topology);
         }
+        // The faces of the partner may have died in this round.
+        if fan.is_rip && self.beside.is_none() {
+            return Err(Refusal::Topology);
+        }
         let at_edge = self.dying.len();
         let may_turn = self.shape_rule == ShapeRule::MayTurn;
         self.count_neighbours(mesh, rings);

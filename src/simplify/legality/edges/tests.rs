@@ -120,7 +120,7 @@ struct Beside {
 fn expected(case: &Case, pairs: &[WedgePair]) -> Result<Outcome, Refusal> {
     let fan = case.fan;
     let at_edge = case.faces_with(&[FROM, TO]);
-    if at_edge.is_empty() != fan.is_rip {
+    if at_edge.is_empty() != fan.is_rip || case.faces_with(&[TO]).is_empty() {
         return Err(Refusal::Topology);
     }
     let mut opposite: Vec<LocalVertex> = at_edge.iter().flat_map(|&face| case.vertices(face)).collect();
@@ -331,6 +331,8 @@ proptest! {
             let before = full(&mesh);
             star.apply(&mut mesh, &rings, FROM, TO);
             prop_assert_eq!(full(&mesh) - before, star.new_non_manifold_edges);
+            mesh.compact_faces();
+            prop_assert!(mesh.has_matching_corners());
         }
     }
 
