@@ -18,7 +18,7 @@
 //! approximation": the deviation of normals, Σ area |n − N|² (equation 2).
 
 use std::cmp::Ordering;
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::BinaryHeap;
 
 use glam::DVec3;
 
@@ -49,11 +49,38 @@ struct Growing {
     outline: f64,
     bounds: Bounds,
     faces: Vec<FaceId>,
-    /// Length of the edges that it shares with each other chart.
-    beside: HashMap<u32, f64>,
+    /// The charts that it shares edges with, ascending, and the length of these edges.
+    beside: Vec<(u32, f64)>,
     /// The two charts that it was merged from.
     halves: Option<[u32; 2]>,
     is_merged: bool,
+}
+
+impl Growing {
+    /// Where another chart is, or would be, among those beside it.
+    fn find(&self, other: u32) -> std::result::Result<usize, usize> {
+        self.beside.binary_search_by_key(&other, |&(other, _)| other)
+    }
+
+    /// Length of the edges that it shares with another chart.
+    fn shared(&self, other: u32) -> f64 {
+        self.find(other).map_or(0.0, |at| self.beside[at].1)
+    }
+
+    /// Adds to that length.
+    fn share(&mut self, other: u32, length: f64) {
+        match self.find(other) {
+            Ok(at) => self.beside[at].1 += length,
+            Err(at) => self.beside.insert(at, (other, length)),
+        }
+    }
+
+    /// Takes another chart out.
+    fn leave(&mut self, other: u32) {
+        if let Ok(at) = self.find(other) {
+            self.beside.remove(at);
+        }
+    }
 }
 
 /// Two charts that may merge.
@@ -110,7 +137,7 @@ impl<'a> Merging<'a> {
                 outline: 0.0,
                 bounds: Bounds::around(corners),
                 faces: vec![face],
-                beside: HashMap::new(),
+                beside: Vec::new(),
                 halves: None,
                 is_merged: false,
             }
@@ -126,16 +153,17 @@ impl<'a> Merging<'a> {
         for [left, right, length_of] in shared_edges(self.mesh) {
             let [from, to] = [LocalVertex::new(length_of), self.next_of(left, length_of)];
             let length = self.mesh.positions[from].distance(self.mesh.positions[to]);
-            *self.charts[left as usize].beside.entry(right).or_default() += length;
-            *self.charts[right as usize].beside.entry(left).or_default() += length;
+            self.charts[left as usize].share(right, length);
+            self.charts[right as usize].share(left, length);
         }
         for chart in 0..self.charts.len() as u32 {
             let corners = self.mesh.corners(FaceId::new(chart));
             self.charts[chart as usize].outline =
                 (0..3).map(|k| corners[k].distance(corners[(k + 1) % 3])).sum::<f64>();
-            let later: Vec<u32> =
-                self.charts[chart as usize].beside.keys().copied().filter(|&other| other > chart).collect();
-            later.into_iter().for_each(|other| self.queue_merge([chart, other]));
+            let first = self.charts[chart as usize].beside.partition_point(|&(other, _)| other < chart);
+            for at in first..self.charts[chart as usize].beside.len() {
+                self.queue_merge([chart, self.charts[chart as usize].beside[at].0]);
+            }
         }
     }
 
@@ -149,7 +177,7 @@ impl<'a> Merging<'a> {
     /// Queues a merge, if the merged chart would be compact enough.
     fn queue_merge(&mut self, charts: [u32; 2]) {
         let [a, b] = charts.map(|chart| &self.charts[chart as usize]);
-        let shared = a.beside.get(&charts[1]).copied().unwrap_or(0.0);
+        let shared = a.shared(charts[1]);
         let (sum, area) = (a.normal_sum + b.normal_sum, a.area + b.area);
         let outline = (a.outline + b.outline - 2.0 * shared).max(0.0);
         let circle = 4.0 * std::f64::consts::PI * area;
@@ -191,22 +219,18 @@ impl<'a> Merging<'a> {
 
     fn merge(&mut self, charts: [u32; 2]) {
         let new = self.charts.len() as u32;
+        let shared = self.charts[charts[0] as usize].shared(charts[1]);
         let [of_a, of_b] = charts.map(|chart| {
             let chart = &mut self.charts[chart as usize];
             chart.is_merged = true;
             std::mem::take(&mut chart.beside)
         });
-        let shared = of_a.get(&charts[1]).copied().unwrap_or(0.0);
-        let mut beside = HashMap::with_capacity(of_a.len() + of_b.len());
-        for (other, length) in of_a.into_iter().chain(of_b).filter(|(other, _)| !charts.contains(other)) {
-            *beside.entry(other).or_default() += length;
-        }
-        let mut others: Vec<(u32, f64)> = beside.iter().map(|(&other, &length)| (other, length)).collect();
-        others.sort_unstable_by_key(|&(other, _)| other);
-        for &(other, length) in &others {
-            let theirs = &mut self.charts[other as usize].beside;
-            charts.iter().for_each(|chart| _ = theirs.remove(chart));
-            theirs.insert(new, length);
+        let beside = joined(&of_a, &of_b, charts);
+        for &(other, length) in &beside {
+            let theirs = &mut self.charts[other as usize];
+            charts.iter().for_each(|&chart| theirs.leave(chart));
+            // It has the greatest number of all.
+            theirs.beside.push((new, length));
         }
         let [a, b] = charts.map(|chart| &self.charts[chart as usize]);
         let merged = Growing {
@@ -221,7 +245,9 @@ impl<'a> Merging<'a> {
             is_merged: false,
         };
         self.charts.push(merged);
-        others.into_iter().for_each(|(other, _)| self.queue_merge([other, new]));
+        for at in 0..self.charts[new as usize].beside.len() {
+            self.queue_merge([self.charts[new as usize].beside[at].0, new]);
+        }
     }
 
     /// Lays the charts flat; one that overlaps itself falls apart.
@@ -241,6 +267,27 @@ impl<'a> Merging<'a> {
         }
         Ok(flat)
     }
+}
+
+/// What lies beside either of two charts, with the lengths of both, ascending; without the two.
+fn joined(a: &[(u32, f64)], b: &[(u32, f64)], charts: [u32; 2]) -> Vec<(u32, f64)> {
+    let mut joined = Vec::with_capacity(a.len() + b.len());
+    let (mut a, mut b) = (a.iter().peekable(), b.iter().peekable());
+    let mut both = || match (a.peek().copied(), b.peek().copied()) {
+        (Some(&(of_a, length)), Some(&(of_b, more))) if of_a == of_b => {
+            (a.next(), b.next());
+            Some((of_a, length + more))
+        }
+        (Some(of_a), Some(of_b)) if of_b.0 < of_a.0 => b.next().copied(),
+        (Some(_), _) => a.next().copied(),
+        (None, _) => b.next().copied(),
+    };
+    while let Some((other, length)) = both() {
+        if !charts.contains(&other) {
+            joined.push((other, length));
+        }
+    }
+    joined
 }
 
 /// Edges that two triangles share in opposite directions and no other has: both triangles, and the vertex from which

@@ -5,6 +5,7 @@
 
 use std::collections::HashMap;
 
+use foldhash::fast::FixedState;
 use glam::{DVec2, DVec3};
 
 use super::outline::{OutlineEdge, overlaps};
@@ -34,7 +35,8 @@ pub struct FlatChart {
 pub(super) fn lay_flat(mesh: Triangles<'_>, faces: &[FaceId], normal: DVec3, texel: f64) -> Result<Option<FlatChart>> {
     let axis = normal.normalize_or(DVec3::Z);
     let (across, along) = axis.any_orthonormal_pair();
-    let mut number_of: HashMap<LocalVertex, usize> = HashMap::with_capacity(faces.len() + 2);
+    let mut number_of: HashMap<LocalVertex, usize, FixedState> =
+        HashMap::with_capacity_and_hasher(faces.len() + 2, FixedState::default());
     let mut places = Vec::with_capacity(faces.len() + 2);
     let mut number = |vertex: LocalVertex| {
         *number_of.entry(vertex).or_insert_with(|| {
@@ -80,7 +82,8 @@ fn make_chart(
 
 /// Whether the triangles go more than once around a vertex.
 fn winds_twice(mesh: Triangles<'_>, laid: &[(FaceId, [DVec2; 3])]) -> bool {
-    let mut angles: HashMap<LocalVertex, f64> = HashMap::with_capacity(laid.len());
+    let mut angles: HashMap<LocalVertex, f64, FixedState> =
+        HashMap::with_capacity_and_hasher(laid.len(), FixedState::default());
     for (face, corners) in laid {
         for k in 0..3 {
             let [to, from] = [1, 2].map(|step| corners[(k + step) % 3] - corners[k]);
@@ -92,7 +95,8 @@ fn winds_twice(mesh: Triangles<'_>, laid: &[(FaceId, [DVec2; 3])]) -> bool {
 
 /// The edges that one triangle alone has, in any order; `None` if two triangles have one in the same direction.
 fn outline(mesh: Triangles<'_>, laid: &[(FaceId, [DVec2; 3])]) -> Option<Vec<OutlineEdge>> {
-    let mut edges: HashMap<[LocalVertex; 2], [DVec2; 2]> = HashMap::with_capacity(3 * laid.len());
+    let mut edges: HashMap<[LocalVertex; 2], [DVec2; 2], FixedState> =
+        HashMap::with_capacity_and_hasher(3 * laid.len(), FixedState::default());
     for (face, corners) in laid {
         let vertices = mesh.vertices[*face];
         for k in 0..3 {

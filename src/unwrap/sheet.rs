@@ -3,6 +3,8 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
+use foldhash::fast::FixedState;
+
 use super::columns::OpenColumns;
 use super::mask::{CellRun, Grid, Mask};
 
@@ -20,7 +22,7 @@ pub(super) struct Sheet {
     /// Longest run of free cells of each row.
     free: Vec<usize>,
     /// The row where the last chart of a class of sizes began, above which others of the class are not tried.
-    begun: HashMap<[u32; 2], usize>,
+    begun: HashMap<[u32; 2], usize, FixedState>,
     /// The columns of the row that is asked.
     open: OpenColumns,
     /// Rows down to the last one that is taken.
@@ -41,7 +43,7 @@ impl Sheet {
             size,
             grid: Grid::new(size),
             free: vec![size[0]; size[1]],
-            begun: HashMap::new(),
+            begun: HashMap::default(),
             open: OpenColumns::default(),
             height: 0,
         }
@@ -94,7 +96,7 @@ impl Sheet {
     /// Frees the memory of an image that gets no more charts.
     pub fn close(&mut self) {
         (self.grid, self.free) = (Grid::new([0; 2]), Vec::new());
-        self.begun = HashMap::new();
+        self.begun = HashMap::default();
     }
 
     /// Takes a place for a chart.
