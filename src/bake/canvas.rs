@@ -30,10 +30,16 @@ impl AtlasCanvas {
         self.set_bytes(at, bytes);
     }
 
-    /// Sets the red, green and blue of a texel.
-    #[inline]
-    pub fn set_pixel(&mut self, [column, row]: [usize; 2], pixel: [u8; 3]) {
-        self.set_bytes(row * self.size[0] + column, pixel);
+    /// Red, green and blue of neighbouring texels of a row, to be set.
+    pub fn set_row(&mut self, [column, row]: [usize; 2], count: usize) -> &mut [[u8; 3]] {
+        let first = row * self.size[0] + column;
+        let end = first + count;
+        for word in first / 64..end.div_ceil(64) {
+            let [from, to] = [first, end].map(|at| at.saturating_sub(64 * word).min(64));
+            // A row is not empty.
+            self.are_set[word] |= u64::MAX >> (64 - (to - from)) << from;
+        }
+        &mut self.rgb.as_chunks_mut().0[first..end]
     }
 
     #[inline]

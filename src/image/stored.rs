@@ -163,6 +163,13 @@ pub enum Beyond {
     Repeat,
 }
 
+/// In which direction pixels lie side by side, by its axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PixelLine {
+    Rightwards = 0,
+    Upwards = 1,
+}
+
 /// Number of no tile.
 const NO_TILE: [u32; 2] = [u32::MAX; 2];
 
@@ -207,21 +214,44 @@ impl<'a> TexelReader<'a> {
         Ok(Some(mixed(pixels, right_share, lower_share)))
     }
 
-    /// Red, green and blue of a pixel, by its column and row from the upper left; `None` if the image could not be read.
+    /// Copies red, green and blue of neighbouring pixels, from that in a column and row on, which are counted from the
+    /// upper left; nothing if the image could not be read.
     ///
     /// # Errors
     /// On failed reads.
-    #[inline]
-    pub fn pixel(&mut self, image: ImageId, place: [i64; 2], beyond: Beyond) -> Result<Option<[u8; 3]>> {
-        let Some(Some(stored)) = self.images.get(image) else { return Ok(None) };
-        let within = |at: i64, side: u32| match beyond {
-            Beyond::Edge => at.clamp(0, i64::from(side) - 1) as usize,
-            Beyond::Repeat => at.rem_euclid(i64::from(side)) as usize,
-        };
-        let [column, row] = [within(place[0], stored.size[0]), within(place[1], stored.size[1])];
-        let tile = self.tile(stored, image, [column / TILE, row / TILE])?;
-        let [red, green, blue, _] = tile[row % TILE * TILE + column % TILE];
-        Ok(Some([red, green, blue]))
+    pub fn copy(
+        &mut self,
+        image: ImageId,
+        from: [i64; 2],
+        line: PixelLine,
+        beyond: Beyond,
+        mut pixels: &mut [[u8; 3]],
+    ) -> Result<()> {
+        let Some(Some(stored)) = self.images.get(image) else { return Ok(()) };
+        let mut from = from;
+        let axis = line as usize;
+        while !pixels.is_empty() {
+            let [column, row] = [0, 1].map(|axis| beyond.within(from[axis], stored.size[axis]));
+            let along = [column, row][axis];
+            let in_tile = match line {
+                PixelLine::Rightwards => TILE.min(stored.size[0] as usize - column / TILE * TILE) - column % TILE,
+                PixelLine::Upwards => row % TILE + 1,
+            };
+            // Beyond an edge, the pixel stays the same.
+            let is_same = beyond == Beyond::Edge && from[axis] != along as i64;
+            let count = if is_same { 1 } else { in_tile.min(pixels.len()) };
+            let (now, later) = pixels.split_at_mut(count);
+            let tile = self.tile(stored, image, [column / TILE, row / TILE])?;
+            let first = row % TILE * TILE + column % TILE;
+            let copy = |(to, &[red, green, blue, _]): (&mut [u8; 3], &[u8; 4])| *to = [red, green, blue];
+            match line {
+                PixelLine::Rightwards => now.iter_mut().zip(&tile[first..]).for_each(copy),
+                PixelLine::Upwards => now.iter_mut().zip(tile[..=first].iter().rev().step_by(TILE)).for_each(copy),
+            }
+            from[axis] += if line == PixelLine::Upwards { -(count as i64) } else { count as i64 };
+            pixels = later;
+        }
+        Ok(())
     }
 
     /// Four pixels that lie in several tiles.
@@ -277,6 +307,15 @@ impl<'a> TexelReader<'a> {
 }
 
 impl Beyond {
+    /// The pixel that is shown at a place along an axis of `side` pixels.
+    #[inline]
+    fn within(self, at: i64, side: u32) -> usize {
+        match self {
+            Self::Edge => at.clamp(0, i64::from(side) - 1) as usize,
+            Self::Repeat => at.rem_euclid(i64::from(side)) as usize,
+        }
+    }
+
     /// The two pixels between whose middles a place lies, of `side` pixels, and the share of the second one.
     #[inline]
     fn pair(self, at: f32, side: u32) -> ([usize; 2], f32) {

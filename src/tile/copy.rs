@@ -15,11 +15,11 @@ use super::mesh::TileMesh;
 use crate::bake::{AtlasCanvas, Original, Painted, PaintedImage, TexelSource};
 use crate::base::Result;
 use crate::base::id::TiVec;
-use crate::image::stored::{Beyond, TexelReader};
+use crate::image::stored::{Beyond, PixelLine, TexelReader};
 use crate::mesh::forest::DisjointSets;
 use crate::mesh::id::FaceId;
 use crate::model::id::ImageId;
-use crate::unwrap::{FlatChart, GUTTER, Unwrapped, pack, room};
+use crate::unwrap::{FlatChart, GUTTER, TexelRow, Unwrapped, pack, room};
 
 /// Side of a block of one colour in texels.
 const BLOCK: f64 = 2.0;
@@ -91,16 +91,17 @@ impl CopiedCharts {
         let mut covered = 0;
         for chart in &self.unwrapped.charts {
             let Some(source) = chart.faces.first().and_then(|(face, _)| self.source_of[*face]) else { continue };
-            for (place, own) in chart.room.texels() {
-                let colour = match source {
-                    ChartSource::Plain(colour) => Some(colour),
+            for TexelRow { first, own, count } in chart.room.rows() {
+                let row = canvas.set_row(first, count);
+                match source {
+                    ChartSource::Plain(colour) => row.fill(colour),
                     ChartSource::Image(id, corner, beyond) => {
-                        let at = |axis: usize| corner[axis] + i64::from(own[axis]) - i64::from(GUTTER);
-                        reader.pixel(id, [at(0), at(1)], beyond)?
+                        let from = [0, 1].map(|axis| corner[axis] + i64::from(own[axis]) - i64::from(GUTTER));
+                        let line = if chart.room.is_turned { PixelLine::Upwards } else { PixelLine::Rightwards };
+                        reader.copy(id, from, line, beyond, row)?;
                     }
-                };
-                colour.into_iter().for_each(|colour| canvas.set_pixel(place, colour));
-                covered += 1;
+                }
+                covered += count as u64;
             }
         }
         canvas.fill();
@@ -109,20 +110,28 @@ impl CopiedCharts {
 }
 
 /// A corner of a face, by its place and its texture coordinate.
-type ShownCorner = ([i32; 3], [u32; 2]);
+type ShownCorner = [u32; 5];
 
 /// Divides faces of one image into parts whose faces share edges with the same texture coordinates.
 fn connected(mesh: &TileMesh, faces: &[FaceId]) -> Vec<Vec<FaceId>> {
     let corner = |face: FaceId, at: usize| -> ShownCorner {
-        (mesh.places[mesh.faces[face][at]].to_array(), mesh.shown[face].texcoords[at].map(f32::to_bits))
+        let [x, y, z] = mesh.places[mesh.faces[face][at]].to_array().map(i32::cast_unsigned);
+        let [across, up] = mesh.shown[face].texcoords[at].map(f32::to_bits);
+        [x, y, z, across, up]
     };
     let mut sets = DisjointSets::<FaceId>::new(faces.len());
-    let mut known: HashMap<[ShownCorner; 2], FaceId, FixedState> = HashMap::default();
+    // Most edges are shared by two faces.
+    let edges = 3 * faces.len() / 2;
+    let mut known: HashMap<[u32; 10], FaceId, FixedState> =
+        HashMap::with_capacity_and_hasher(edges, FixedState::default());
     for (number, &face) in FaceId::first(faces.len()).zip(faces) {
+        let corners = [0, 1, 2].map(|at| corner(face, at));
         for at in 0..3 {
-            let mut ends = [corner(face, at), corner(face, (at + 1) % 3)];
-            ends.sort_unstable();
-            let other = *known.entry(ends).or_insert(number);
+            let [a, b] = [corners[at], corners[(at + 1) % 3]];
+            let ends = if a <= b { [a, b] } else { [b, a] };
+            let mut edge = [0; 10];
+            edge.copy_from_slice(ends.as_flattened());
+            let other = *known.entry(edge).or_insert(number);
             sets.join(other, number);
         }
     }

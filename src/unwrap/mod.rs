@@ -26,7 +26,7 @@ mod types;
 pub use self::flat::FlatChart;
 pub use self::image_size::{GUTTER, ImageSize};
 pub use self::pack::{pack, room};
-pub use self::types::{ChartRoom, PlacedChart, Triangles, UnwrapSettings, Unwrapped};
+pub use self::types::{ChartRoom, PlacedChart, TexelRow, Triangles, UnwrapSettings, Unwrapped};
 
 use crate::base::Result;
 

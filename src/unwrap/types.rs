@@ -58,19 +58,32 @@ pub struct ChartRoom {
     pub cells: Vec<(u32, Range<u32>)>,
 }
 
+/// Neighbouring texels of a row of an image.
+#[derive(Debug, Clone, Copy)]
+pub struct TexelRow {
+    /// Column and row of the first one in the image.
+    pub first: [usize; 2],
+    /// The same in the box of the chart before it was turned: there, the others follow on the right, or above if the
+    /// chart was turned.
+    pub own: [u32; 2],
+    /// Number of texels.
+    pub count: usize,
+}
+
 impl ChartRoom {
-    /// All texels, each with its place in the box before the chart was turned.
-    pub fn texels(&self) -> impl Iterator<Item = ([usize; 2], [u32; 2])> + '_ {
-        let rows = self.cells.iter().flat_map(|(row, columns)| {
-            let columns = columns.start * CELL..columns.end * CELL;
-            (row * CELL..(row + 1) * CELL).map(move |row| (row, columns.clone()))
-        });
-        rows.flat_map(move |(row, columns)| {
-            columns.map(move |column| {
-                let own = if self.is_turned { [row, self.size[1] - 1 - column] } else { [column, row] };
-                ([self.corner[0] + column, self.corner[1] + row].map(|at| at as usize), own)
-            })
-        })
+    /// All texels, row by row.
+    pub fn rows(&self) -> impl Iterator<Item = TexelRow> + '_ {
+        let row_of = |row: u32, columns: &Range<u32>| {
+            let column = columns.start * CELL;
+            TexelRow {
+                first: [self.corner[0] + column, self.corner[1] + row].map(|at| at as usize),
+                own: if self.is_turned { [row, self.size[1] - 1 - column] } else { [column, row] },
+                count: (columns.len() as u32 * CELL) as usize,
+            }
+        };
+        let rows =
+            self.cells.iter().flat_map(|(row, columns)| (row * CELL..(row + 1) * CELL).map(move |row| (row, columns)));
+        rows.map(move |(row, columns)| row_of(row, columns))
     }
 }
 
