@@ -13,8 +13,10 @@ pub(super) struct PlaneView {
     at: Vec2,
     /// Steps of one column and one row.
     steps: [Vec3; 2],
-    /// Columns and rows grow along these.
-    pub growth: [Vec3; 2],
+    /// Columns and rows grow along these, by so much for each length, and the inverses of that.
+    growth: [Vec3; 2],
+    rates: [f32; 2],
+    pub rate_recips: [f32; 2],
     pub normal: Vec3,
     /// All texels lie within this of the origin.
     pub radius: f32,
@@ -36,13 +38,16 @@ impl PlaneView {
         let [rr, rb, bb] = [right.dot(right), right.dot(below), below.dot(below)];
         let inverse = (rr * bb - rb * rb).recip();
         let growth = [(right * bb - below * rb) * inverse, (below * rr - right * rb) * inverse];
+        let growth = growth.map(|growth| growth.as_vec3());
         let sides = [right * (high.x - low.x), below * (high.y - low.y)];
         let radius = 0.5 * (sides[0] + sides[1]).length().max((sides[0] - sides[1]).length());
         let view = Self {
             origin: (plane.place(at) - middle).as_vec3(),
             at: (at - corner).as_vec2(),
             steps: plane.steps.map(|step| step.as_vec3()),
-            growth: growth.map(|growth| growth.as_vec3()),
+            growth,
+            rates: growth.map(Vec3::length),
+            rate_recips: growth.map(Vec3::length_recip),
             normal: plane.normal.as_vec3(),
             radius: radius as f32,
             rect: rect.from(region.first),
@@ -57,23 +62,28 @@ impl PlaneView {
         let above = from.map(|from| from.dot(self.normal));
         let (lowest, highest) = (above[0].min(above[1]).min(above[2]), above[0].max(above[1]).max(above[2]));
         let off = lowest.max(-highest).max(0.0);
+        if off >= reach {
+            return None;
+        }
         let at = from.map(|from| self.at + Vec2::new(from.dot(self.growth[0]), from.dot(self.growth[1])));
         let (low, high) = (at[0].min(at[1]).min(at[2]), at[0].max(at[1]).max(at[2]));
         let range = |axis: usize| {
-            let margin = reach * self.growth[axis].length();
-            let first = ((low[axis] - margin).max(0.0) as usize).max(self.rect.first[axis]);
-            let end = ((high[axis] + margin).max(-1.0) + 1.0) as usize;
+            let margin = reach * self.rates[axis];
+            // Through 32 bits, which is faster; a region has far fewer columns.
+            let first = ((low[axis] - margin).max(0.0) as u32 as usize).max(self.rect.first[axis]);
+            let end = ((high[axis] + margin).max(-1.0) + 1.0) as u32 as usize;
             (first, end.min(self.rect.end[axis]))
         };
         let [(left, right), (top, bottom)] = [range(0), range(1)];
-        let is_near = off < reach && left < right && top < bottom;
+        let is_near = left < right && top < bottom;
         is_near.then_some(Shadow { rect: TexelRect { first: [left, top], end: [right, bottom] }, low, high, off })
     }
 
     /// The places of four samples of a texel.
     #[inline]
     pub fn points(&self, [column, row]: [usize; 2], [x, y]: &[Vec4; 2]) -> FourPoints {
-        let from = Vec2::new(column as f32 + 0.5, row as f32 + 0.5) - self.at;
+        // Signed numbers become fractions by one instruction.
+        let from = Vec2::new(column as i32 as f32 + 0.5, row as i32 as f32 + 0.5) - self.at;
         let (x, y) = (*x + from.x, *y + from.y);
         let [right, below] = self.steps;
         FourPoints {

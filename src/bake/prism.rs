@@ -144,7 +144,7 @@ impl NearTriangle {
 
 /// The larger of two numbers, as one instruction; `b` if one of them is none.
 #[inline]
-fn larger(a: f32, b: f32) -> f32 {
+pub(super) fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 

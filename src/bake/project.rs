@@ -18,7 +18,7 @@ use super::nearby::Nearby;
 use super::patch_surface::PatchSurface;
 use super::plane::Plane;
 use super::plane_view::{PlaneView, Shadow};
-use super::prism::{BOUND_MARGIN, FourPlaces, NearTriangle, Shown};
+use super::prism::{BOUND_MARGIN, FourPlaces, NearTriangle, Shown, larger};
 use super::raster::{IN_GUTTER, NOBODY, Owners, TexelRect};
 use crate::base::Result;
 use crate::geometry::boxtree::Bounds;
@@ -314,15 +314,18 @@ impl Screen<'_> {
     /// Asks a triangle for its distances from the samples that it may be closest to.
     fn ask(&mut self, asked: &Asked<'_>) {
         let Shadow { rect, low, high, off } = asked.shadow;
-        let [of_column, of_row] = self.view.growth.map(|growth| growth.length_recip());
-        let beside = |at: usize, axis: usize| (low[axis] - (at + 1) as f32).max(at as f32 - high[axis]);
+        let [of_column, of_row] = self.view.rate_recips;
+        let beside = |at: usize, axis: usize| larger(low[axis] - (at + 1) as i32 as f32, at as i32 as f32 - high[axis]);
         for row in rect.first[1]..rect.end[1] {
-            let least = off.max(beside(row, 1) * of_row);
-            for column in rect.first[0]..rect.end[0] {
-                let slot = &mut self.slots[row * self.width + column];
+            let least = larger(beside(row, 1) * of_row, off);
+            let line = &mut self.slots[row * self.width..][rect.first[0]..rect.end[0]];
+            for (slot, column) in line.iter_mut().zip(rect.first[0]..) {
+                if slot.run != self.run {
+                    continue;
+                }
                 // Whatever is seen of it lies at least this far from the texel.
-                let least = least.max(beside(column, 0) * of_column) + asked.away;
-                if slot.run != self.run || least * BOUND_MARGIN >= slot.farthest {
+                let least = larger(beside(column, 0) * of_column, least) + asked.away;
+                if least * BOUND_MARGIN >= slot.farthest {
                     continue;
                 }
                 let lanes = if slot.is_gutter { GUTTER_LANES } else { self.lanes };
@@ -335,7 +338,7 @@ impl Screen<'_> {
                         four.distance = four.distance.min(distance);
                         (0..4).filter(|&lane| is_nearer.test(lane)).for_each(|lane| four.triangle[lane] = asked.number);
                     }
-                    farthest = farthest.max(four.distance.max_element());
+                    farthest = larger(four.distance.max_element(), farthest);
                 }
                 slot.farthest = farthest;
             }
