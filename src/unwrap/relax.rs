@@ -76,6 +76,37 @@ impl RigidTriangle {
     }
 }
 
+/// What a triangle asks of one of its vertices.
+struct Pull {
+    /// The next vertex and the one before it.
+    vertices: [usize; 2],
+    /// Numbers of the sides to these, of all triangles' sides, and their weights.
+    sides: [usize; 2],
+    weights: [f64; 2],
+}
+
+impl Pull {
+    fn add_weights(sum: f64, pull: &Self) -> f64 {
+        sum + (pull.weights[0] + pull.weights[1])
+    }
+}
+
+/// What triangles ask of each of `count` vertices.
+fn pulls(elements: &[RigidTriangle], count: usize) -> Vec<Vec<Pull>> {
+    let mut pulls: Vec<Vec<Pull>> = (0..count).map(|_| Vec::new()).collect();
+    for (number, &RigidTriangle { vertices, weights, .. }) in elements.iter().enumerate() {
+        for (corner, &vertex) in vertices.iter().enumerate() {
+            let (next, before) = ((corner + 1) % 3, (corner + 2) % 3);
+            pulls[vertex].push(Pull {
+                vertices: [vertices[next], vertices[before]],
+                sides: [3 * number + corner, 3 * number + before],
+                weights: [weights[corner], weights[before]],
+            });
+        }
+    }
+    pulls
+}
+
 /// Moves the vertices of a chart, given by the triangles in space and where their corners lie flat. `None` if some triangle
 /// is stretched too much.
 ///
@@ -86,25 +117,23 @@ pub(super) fn relax(triangles: &[([usize; 3], [DVec3; 3])], mut places: Vec<DVec
         triangles.iter().filter_map(|&(vertices, corners)| RigidTriangle::new(vertices, corners)).collect();
     let is_kept = |places: &[DVec2]| elements.iter().all(|element| element.stretch(places) <= STRETCH_MAX);
     let seen = places.clone();
-    let mut edges_of: Vec<Vec<(usize, usize)>> = vec![Vec::new(); places.len()];
-    for (number, element) in elements.iter().enumerate() {
-        element.vertices.iter().enumerate().for_each(|(corner, &vertex)| edges_of[vertex].push((number, corner)));
-    }
+    let pulls_of = pulls(&elements, places.len());
+    let totals: Vec<f64> = pulls_of.iter().map(|pulls| pulls.iter().fold(0.0, Pull::add_weights)).collect();
+    let mut turned = vec![DVec2::ZERO; 3 * elements.len()];
     let sides = elements.iter().flat_map(|element| element.sides);
     let still_sq = STILL * STILL * sides.map(|side| side.length_squared()).fold(0.0, f64::max);
     for _ in 0..SWEEPS {
         check_stopped()?;
         let mut moved_sq = 0.0_f64;
-        let turns: Vec<DVec2> = elements.iter().map(|element| element.turn(&places)).collect();
-        for (vertex, edges) in edges_of.iter().enumerate() {
-            let (mut sum, mut total) = (DVec2::ZERO, 0.0);
-            for &(number, corner) in edges {
-                let RigidTriangle { vertices, sides, weights } = &elements[number];
-                let (next, before) = ((corner + 1) % 3, (corner + 2) % 3);
-                let turned = |side: usize| turns[number].rotate(sides[side]);
-                sum += weights[corner] * (places[vertices[next]] - turned(corner));
-                sum += weights[before] * (places[vertices[before]] + turned(before));
-                total += weights[corner] + weights[before];
+        for (turned, element) in turned.as_chunks_mut::<3>().0.iter_mut().zip(&elements) {
+            let turn = element.turn(&places);
+            *turned = element.sides.map(|side| turn.rotate(side));
+        }
+        for (vertex, (pulls, &total)) in pulls_of.iter().zip(&totals).enumerate() {
+            let mut sum = DVec2::ZERO;
+            for Pull { vertices: [next, before], sides, weights } in pulls {
+                sum += weights[0] * (places[*next] - turned[sides[0]]);
+                sum += weights[1] * (places[*before] + turned[sides[1]]);
             }
             if total > 0.0 {
                 let step = STEP * (sum / total - places[vertex]);
