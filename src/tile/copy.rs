@@ -51,8 +51,13 @@ pub enum Uncopied {
 }
 
 impl CopiedCharts {
-    /// The charts of a tile, in an image with sides of up to `side` texels.
-    pub fn new(mesh: &TileMesh, original: &Original, side: u32) -> std::result::Result<Self, Uncopied> {
+    /// The charts of a tile, in an image with sides of up to `side` texels; `width` is that of the image, if it is known.
+    pub fn new(
+        mesh: &TileMesh,
+        original: &Original,
+        side: u32,
+        width: Option<u32>,
+    ) -> std::result::Result<Self, Uncopied> {
         let mut charts = ChartList { mesh, room: room(side), flat: Vec::new(), sources: Vec::new() };
         let mut plain: BTreeMap<[u8; 3], Vec<FaceId>> = BTreeMap::new();
         let mut images: BTreeMap<ImageId, Vec<FaceId>> = BTreeMap::new();
@@ -74,11 +79,16 @@ impl CopiedCharts {
         for (chart, source) in flat.iter().zip(sources) {
             chart.faces.iter().for_each(|(face, _)| source_of[*face] = Some(source));
         }
-        let unwrapped = pack(flat, side);
+        let unwrapped = pack(flat, side, width);
         if unwrapped.images.len() > 1 || unwrapped.shrunk > 0 {
             return Err(Uncopied::TooMany);
         }
         Ok(Self { unwrapped, source_of })
+    }
+
+    /// Width of the image.
+    pub fn width(&self) -> Option<u32> {
+        self.unwrapped.images.first().map(|size| size.width)
     }
 
     /// Copies the texels.

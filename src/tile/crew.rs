@@ -46,6 +46,8 @@ pub struct LevelPlan<'a> {
     pub nodes: &'a [TileId],
     /// Their triangles.
     pub triangles: &'a CutLevel,
+    /// Width of the image of each, if it is known.
+    pub widths: &'a [Option<u32>],
     /// The surface of the input.
     pub input: &'a Original,
     /// The finished tiles of the level below, which these are baked from; `None` if they are from the input.
@@ -140,7 +142,7 @@ impl<'a> TileCrew<'a> {
         let SkirtShape { lattice, scene_origin, .. } = self.skirt;
         let mesh = TileMesh::read(self.plan.triangles, index, lattice)?;
         let origin = scene_origin + lattice.position(mesh.middle);
-        let painted = self.paint(&mesh)?;
+        let painted = self.paint(&mesh, self.plan.widths[index])?;
         let is_last = self.plan.number == self.plan.coarsest;
         let raw = if is_last { None } else { RawDraft::of(&mesh, &painted, origin) };
         let is_measured = self.meter.is_measured(index);
@@ -161,7 +163,7 @@ impl<'a> TileCrew<'a> {
         Ok(MadeTile { record, raw, glb })
     }
 
-    fn paint(&self, mesh: &TileMesh) -> Result<PaintedTile> {
+    fn paint(&self, mesh: &TileMesh, width: Option<u32>) -> Result<PaintedTile> {
         let settings = self.plan.settings;
         let strips = self.skirt.strips(mesh)?;
         let SkirtShape { lattice, scene_origin, .. } = self.skirt;
@@ -173,7 +175,7 @@ impl<'a> TileCrew<'a> {
         if self.plan.number > 0 {
             return tile.paint(&self.baker, settings.format);
         }
-        match CopiedCharts::new(mesh, self.source, settings.side) {
+        match CopiedCharts::new(mesh, self.source, settings.side, width) {
             Ok(charts) => {
                 let reader = lock(&self.readers).pop();
                 let mut reader = reader.unwrap_or_else(|| self.source.reader());

@@ -34,6 +34,7 @@ struct TileDetails {
     away: f64,
     nodes: Vec<TileId>,
     triangles: CutLevel,
+    widths: Vec<Option<u32>>,
     input: Original,
     below: Option<Original>,
     others: Vec<Option<SurfaceCells>>,
@@ -51,7 +52,7 @@ impl Recalled for TileDetails {
 
     fn is_sound(&self, (): &()) -> bool {
         self.triangles.is_sound()
-            && self.triangles.cell_count() == self.nodes.len()
+            && [self.triangles.cell_count(), self.widths.len()] == [self.nodes.len(); 2]
             && self.nodes.is_sorted()
             && self.input.is_sound(&())
             && self.below.iter().all(|below| below.is_sound(&()))
@@ -87,9 +88,9 @@ impl LevelPlan<'_> {
             is_counted: true,
             is_read_whole: false,
         };
-        let Self { scene, settings, away, nodes, triangles, input, below, others, .. } = self;
+        let Self { scene, settings, away, nodes, triangles, widths, input, below, others, .. } = self;
         let numbers = [level, self.coarsest];
-        let details = (scene, settings, numbers, away, nodes, triangles, input, below, others);
+        let details = (scene, settings, numbers, away, nodes, triangles, widths, input, below, others);
         lend(work, &what, || encoded(&details), progress)
     }
 }
@@ -116,6 +117,7 @@ pub fn do_task(stage: &Stage, task: &StageTask, limits: WorkLimits, progress: &d
         away: details.away,
         nodes: &details.nodes,
         triangles: &details.triangles,
+        widths: &details.widths,
         input: &details.input,
         below: details.below.as_ref(),
         others: details.others.iter().map(Option::as_ref).collect(),

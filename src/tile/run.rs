@@ -51,6 +51,8 @@ pub struct Pyramid<'a> {
 struct CutRecord {
     tiles: LevelTiles,
     triangles: CutLevel,
+    /// Width of the image of each tile whose texels of the input were found to fit one.
+    widths: Vec<Option<u32>>,
     /// How far each tile lies from the input, in the mesh's unit of length.
     deviations: Vec<f64>,
 }
@@ -66,7 +68,7 @@ impl Recalled for CutRecord {
         let tiles = self.tiles.tiles.len();
         self.tiles.is_sound(tree)
             && self.triangles.is_sound()
-            && [self.triangles.cell_count(), self.deviations.len()] == [tiles; 2]
+            && [self.triangles.cell_count(), self.widths.len(), self.deviations.len()] == [tiles; 3]
     }
 }
 
@@ -151,8 +153,9 @@ impl Pyramid<'_> {
         let mut record = loop {
             let tiles = LevelTiles::choose(&counts, tree, &self.settings.limits(), &is_too_large, below);
             let triangles = cut(&source, tree, &tiles, &path, limits, progress)?;
-            let record = CutRecord { tiles, triangles, deviations: Vec::new() };
-            let found = self.too_large(&record, number, tree)?;
+            let widths = vec![None; tiles.tiles.len()];
+            let mut record = CutRecord { tiles, triangles, widths, deviations: Vec::new() };
+            let found = self.too_large(&mut record, number, tree)?;
             if found.is_empty() {
                 break record;
             }
@@ -173,24 +176,31 @@ impl Pyramid<'_> {
         Ok(record)
     }
 
-    /// Tiles that have too many triangles, or texels that do not fit one image, and that can be divided.
-    fn too_large(&self, cut: &CutRecord, number: u32, tree: &TileTree) -> Result<Vec<TileId>> {
+    /// Tiles that have too many triangles, or texels that do not fit one image, and that can be divided; notes the widths of
+    /// the images of the others.
+    fn too_large(&self, cut: &mut CutRecord, number: u32, tree: &TileTree) -> Result<Vec<TileId>> {
         let TilePlace { limits, progress, .. } = self.place;
         let copies = number == 0 && self.settings.has_colour;
+        let CutRecord { tiles, triangles, widths, .. } = cut;
         let mut found = Vec::new();
         let fits = |index: usize| {
             progress.check_stopped()?;
-            let mesh = TileMesh::read(&cut.triangles, index, self.scene.lattice(number))?;
+            let mesh = TileMesh::read(triangles, index, self.scene.lattice(number))?;
             if mesh.faces_with_skirt() > self.settings.faces {
-                return Ok((index, false));
+                return Ok((index, false, None));
             }
-            let charts = copies.then(|| CopiedCharts::new(&mesh, self.original, self.settings.side));
-            Ok((index, charts.and_then(std::result::Result::err) != Some(Uncopied::TooMany)))
+            if !copies {
+                return Ok((index, true, None));
+            }
+            let charts = CopiedCharts::new(&mesh, self.original, self.settings.side, None);
+            let width = charts.as_ref().ok().and_then(CopiedCharts::width);
+            Ok((index, charts.err() != Some(Uncopied::TooMany), width))
         };
-        let can_be_divided = |&index: &usize| tree.children(cut.tiles.tiles[index]).is_some();
-        let all = (0..cut.tiles.tiles.len()).filter(can_be_divided);
-        map_in_order(all, limits.threads, limits.threads + 1, fits, |(index, fits)| {
-            found.extend((!fits).then(|| cut.tiles.tiles[index]));
+        let can_be_divided = |&index: &usize| tree.children(tiles.tiles[index]).is_some();
+        let all = (0..tiles.tiles.len()).filter(can_be_divided);
+        map_in_order(all, limits.threads, limits.threads + 1, fits, |(index, fits, width)| {
+            widths[index] = width;
+            found.extend((!fits).then(|| tiles.tiles[index]));
             Ok(())
         })?;
         Ok(found)
@@ -268,6 +278,7 @@ impl Pyramid<'_> {
             away: mesh.to_input.rms.max(mesh.from_input.rms).max(self.scene.lattice(number).step),
             nodes: &cut.tiles.tiles,
             triangles: &cut.triangles,
+            widths: &cut.widths,
             input: self.original,
             below: joined,
             others: others.collect(),

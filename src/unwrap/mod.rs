@@ -36,7 +36,7 @@ use crate::base::Result;
 /// [`Error::Stopped`](crate::base::Error::Stopped).
 pub fn unwrap(mesh: Triangles<'_>, settings: &UnwrapSettings<'_>) -> Result<Unwrapped> {
     let charts = charts::charts(mesh, settings.texels, room(settings.side))?;
-    Ok(pack(charts, settings.side))
+    Ok(pack(charts, settings.side, None))
 }
 
 #[cfg(test)]

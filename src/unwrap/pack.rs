@@ -44,8 +44,9 @@ pub fn room(side: u32) -> f64 {
     f64::from(side - 2 * GUTTER - CELL)
 }
 
-/// Packs charts into images with sides of up to `side` texels; charts that are too long shrink.
-pub fn pack(charts: Vec<FlatChart>, side: u32) -> Unwrapped {
+/// Packs charts into images with sides of up to `side` texels; charts that are too long shrink. If these charts were packed
+/// before, `width` is that of the images then: no other one is tried.
+pub fn pack(charts: Vec<FlatChart>, side: u32, width: Option<u32>) -> Unwrapped {
     let room = room(side);
     let mut unwrapped = Unwrapped::default();
     let mut shapes: Vec<Shape> = Vec::with_capacity(charts.len());
@@ -61,7 +62,7 @@ pub fn pack(charts: Vec<FlatChart>, side: u32) -> Unwrapped {
         let limit = best.as_ref().map_or(u64::MAX, |best| best.cells);
         Packed::below(limit, &shapes, [width, side / CELL]).or(best)
     };
-    let best = widths(&shapes, side / CELL).into_iter().fold(None, smaller).unwrap_or_default();
+    let best = widths(&shapes, side / CELL, width).into_iter().fold(None, smaller).unwrap_or_default();
     let placed = shapes.into_iter().zip(best.places);
     unwrapped.charts = placed.map(|(shape, (image, place))| shape.placed(image as u32, place)).collect();
     unwrapped.charts.sort_by_key(|chart| chart.image);
@@ -74,9 +75,12 @@ pub fn pack(charts: Vec<FlatChart>, side: u32) -> Unwrapped {
 }
 
 /// Widths in cells that are tried: about that of a square that all charts fill, the better of many if there are few charts.
-fn widths(shapes: &[Shape], side: u32) -> Vec<u32> {
+fn widths(shapes: &[Shape], side: u32, known: Option<u32>) -> Vec<u32> {
     let taken: usize = shapes.iter().map(|shape| shape.mask.cells).sum();
     let widest = shapes.iter().map(|shape| shape.mask.size[0] as u32).max().unwrap_or(1);
+    if let Some(known) = known {
+        return vec![(known / CELL).max(widest).min(side)];
+    }
     let usual = (taken as f64 / FILL).sqrt();
     let tries = if shapes.len() <= FEW { TRIES } else { 1 };
     let mut widths: Vec<u32> = (0..tries)
