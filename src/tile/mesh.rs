@@ -114,7 +114,8 @@ impl TileMesh {
     /// Joins the triangles of a tile.
     pub fn join(triangles: &[TileTriangle], lattice: Lattice) -> Self {
         let mut mesh = Self::default();
-        let mut known: HashMap<[i32; 3], LocalVertex, FixedState> = HashMap::default();
+        let mut known: HashMap<[i32; 3], LocalVertex, FixedState> =
+            HashMap::with_capacity_and_hasher(triangles.len(), FixedState::default());
         let mut lines = Vec::new();
         for triangle in triangles {
             if let Some(line) = BorderLine::of(triangle) {
@@ -144,11 +145,19 @@ impl TileMesh {
         if lines.is_empty() {
             return;
         }
-        let mut edges: HashMap<[[i32; 3]; 2], Vec<(FaceId, usize)>, FixedState> = HashMap::default();
+        // Edges that lie on a line: few, so those between other vertices are not looked up.
+        let mut edges: HashMap<[[i32; 3]; 2], Vec<(FaceId, usize)>, FixedState> =
+            lines.iter().map(|line| (line.ends, Vec::new())).collect();
+        let places: HashSet<[i32; 3], FixedState> = lines.iter().flat_map(|line| line.ends).collect();
+        let are_ends: TiVec<LocalVertex, bool> =
+            self.places.iter().map(|place| places.contains(&place.to_array())).collect();
         for (face, vertices) in self.faces.iter_enumerated() {
             for corner in 0..3 {
-                let ends = [vertices[corner], vertices[(corner + 1) % 3]].map(|vertex| self.places[vertex].to_array());
-                edges.entry(sorted(ends)).or_default().push((face, corner));
+                let ends = [vertices[corner], vertices[(corner + 1) % 3]];
+                if ends.iter().all(|&end| are_ends[end]) {
+                    let own = edges.get_mut(&sorted(ends.map(|vertex| self.places[vertex].to_array())));
+                    own.into_iter().for_each(|edges| edges.push((face, corner)));
+                }
             }
         }
         let mut are_marked: HashSet<(FaceId, usize), FixedState> =
