@@ -71,11 +71,17 @@ impl AtlasCanvas {
         let mut half = self.pulled();
         half.fill();
         for y in 0..height {
-            for x in 0..width {
-                let at = y * width + x;
-                if !self.is_set(at) {
+            let (first, mut x) = (y * width, 0);
+            while x < width {
+                let at = first + x;
+                let are_unset = !self.are_set[at / 64] >> (at % 64);
+                if are_unset & 1 != 0 {
                     let from = 3 * (y / 2 * half.size[0] + x / 2);
                     self.set_bytes(at, [half.rgb[from], half.rgb[from + 1], half.rgb[from + 2]]);
+                    x += 1;
+                } else {
+                    // To the next one that may be unset: in this word, or the first of the next.
+                    x += (are_unset.trailing_zeros() as usize).min(64 - at % 64);
                 }
             }
         }
@@ -87,6 +93,18 @@ impl AtlasCanvas {
         let mut half = Self::new(self.size.map(|side| side.div_ceil(2)));
         for y in 0..half.size[1] {
             for x in 0..half.size[0] {
+                let first = 2 * y * width + 2 * x;
+                let has_four = 2 * x + 1 < width && 2 * y + 1 < height;
+                if has_four
+                    && [first, first + 1, first + width, first + width + 1].into_iter().all(|at| self.is_set(at))
+                {
+                    let [a, b] = [first, first + width].map(|at| &self.rgb[3 * at..3 * at + 6]);
+                    let mean = |c: usize| {
+                        (u32::from(a[c]) + u32::from(a[c + 3]) + u32::from(b[c]) + u32::from(b[c + 3]) + 2) / 4
+                    };
+                    half.set_bytes(y * half.size[0] + x, [mean(0) as u8, mean(1) as u8, mean(2) as u8]);
+                    continue;
+                }
                 let (mut sum, mut count) = ([0u32; 3], 0);
                 for (column, row) in [(2 * x, 2 * y), (2 * x + 1, 2 * y), (2 * x, 2 * y + 1), (2 * x + 1, 2 * y + 1)] {
                     if column < width && row < height && self.is_set(row * width + column) {

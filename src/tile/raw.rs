@@ -127,16 +127,18 @@ fn halved(image: &PaintedImage) -> (Vec<u8>, [usize; 2]) {
     let [width, height] = image.size;
     let size = image.size.map(|side| side.div_ceil(2));
     let mut rgb = Vec::with_capacity(3 * size[0] * size[1]);
+    let mean = |four: [u8; 4]| ((four.into_iter().map(u16::from).sum::<u16>() + 2) / 4) as u8;
     for row in 0..size[1] {
-        for column in 0..size[0] {
-            let rows = [2 * row, (2 * row + 1).min(height - 1)];
-            let columns = [2 * column, (2 * column + 1).min(width - 1)];
-            rgb.extend([0, 1, 2].map(|channel| {
-                let at = |row: usize, column: usize| u16::from(image.rgb[3 * (row * width + column) + channel]);
-                let sum: u16 = rows.iter().map(|&row| at(row, columns[0]) + at(row, columns[1])).sum();
-                ((sum + 2) / 4) as u8
-            }));
+        let rows = [2 * row, (2 * row + 1).min(height - 1)];
+        let [upper, lower] = rows.map(|row| &image.rgb[3 * width * row..3 * width * (row + 1)]);
+        let ((pairs, upper_last), (below, lower_last)) = (upper.as_chunks::<6>(), lower.as_chunks::<6>());
+        for (a, b) in pairs.iter().zip(below) {
+            rgb.extend_from_slice(
+                &[0, 1, 2].map(|channel| mean([a[channel], a[channel + 3], b[channel], b[channel + 3]])),
+            );
         }
+        // A last column without another one beside it.
+        rgb.extend(upper_last.iter().zip(lower_last).map(|(&a, &b)| mean([a, a, b, b])));
     }
     (rgb, size)
 }
