@@ -8,6 +8,9 @@ use glam::DVec3;
 /// A triangle is a needle if the sine of its first angle is below this: weights lose twice as many digits as the sine
 /// has zeros.
 const NEEDLE_SINE: f64 = 1e-3;
+/// A triangle is no needle if the square of that sine, as the squared lengths and the product of its sides have it, is above
+/// this.
+const CLEAR: f64 = 10.0 * NEEDLE_SINE * NEEDLE_SINE;
 /// A needle is flat if that sine is below this. Its points are then no farther from its sides than this share of their
 /// length, and rounding of its normal would move a point as far.
 const FLAT_SINE: f64 = 1e-8;
@@ -60,10 +63,15 @@ pub fn distance_sq(p: DVec3, triangle: [DVec3; 3]) -> f64 {
 /// The point of a triangle that is closest to `point`, also on needles and on triangles without area.
 pub fn closest_point(point: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
     let (ab, ac) = (b - a, c - a);
-    let normal = ab.cross(ac);
-    let sine_sq = normal.length_squared() / (ab.length_squared() * ac.length_squared());
-    if sine_sq.is_nan() || sine_sq < NEEDLE_SINE * NEEDLE_SINE {
-        return closest_of_needle(point, [a, b, c], normal, sine_sq);
+    let (product_sq, along) = (ab.length_squared() * ac.length_squared(), ab.dot(ac));
+    // Most triangles are no needles by far: then the normal, and a division, are not needed to know.
+    let is_clear = product_sq.is_normal() && product_sq - along * along > CLEAR * product_sq;
+    if !is_clear {
+        let normal = ab.cross(ac);
+        let sine_sq = normal.length_squared() / product_sq;
+        if sine_sq.is_nan() || sine_sq < NEEDLE_SINE * NEEDLE_SINE {
+            return closest_of_needle(point, [a, b, c], normal, sine_sq);
+        }
     }
     let weights = closest_weights(point, [a, b, c]);
     a + ab * weights[1] + ac * weights[2]

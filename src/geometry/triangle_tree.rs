@@ -254,7 +254,8 @@ fn split_by_area(items: &mut [Item], axis: usize, low: f32, extent: f32) -> usiz
         }
     }
     let scale = BINS as f32 / extent;
-    let bin_of = |item: &Item| (((item.low[axis] + item.high[axis] - low) * scale) as usize).min(BINS - 1);
+    // Through 32 bits, which is faster.
+    let bin_of = |item: &Item| (((item.low[axis] + item.high[axis] - low) * scale) as u32 as usize).min(BINS - 1);
     let mut bins = [Bin::EMPTY; BINS];
     for item in items.iter() {
         let bin = &mut bins[bin_of(item)];
