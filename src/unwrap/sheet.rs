@@ -90,7 +90,7 @@ impl Sheet {
         if closes(likely) {
             return Some(likely);
         }
-        (0..mask.runs.len()).find(|&number| closes(number))
+        (0..mask.runs.len()).find(|&number| number != likely && closes(number))
     }
 
     /// Frees the memory of an image that gets no more charts.
