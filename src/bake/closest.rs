@@ -17,9 +17,9 @@ use super::points::{PointGroup, PointSet};
 use super::prism::{FourPlaces, Shown};
 use crate::base::Result;
 use crate::geometry::boxtree::Bounds;
-use crate::geometry::distance_sq;
 use crate::geometry::triangle::area;
 use crate::geometry::triangle_tree::Question;
+use crate::geometry::{closest_point, distance_sq};
 use crate::surface::cell::{Cell, CellView};
 use crate::surface::order::{order_by_distance, sort_by_distance};
 
@@ -34,6 +34,8 @@ const GATHERED_MAX: usize = 4096;
 /// Pairs and triangles that one search may visit; only triangles that lie across each other by the thousand need more.
 const LOOKS_MAX: u64 = 20_000;
 
+/// Factor on a bound of distances, so that no triangle as near as the nearest one is left out.
+const BOUND_MARGIN: f64 = 1.01;
 /// Rounding of a distance, by the largest coordinate.
 const ROUNDING: f64 = 1e-10;
 
@@ -55,6 +57,8 @@ pub(super) struct ClosestPlaces<'a> {
     /// The present block.
     block: Bounds,
     nearby: Nearby,
+    /// The cell and the place there of the triangle that was nearest last.
+    last: Option<(u32, u32)>,
 }
 
 impl<'a> ClosestPlaces<'a> {
@@ -69,6 +73,7 @@ impl<'a> ClosestPlaces<'a> {
             of_block: 0,
             block: Bounds::EMPTY,
             nearby: Nearby::default(),
+            last: None,
         }
     }
 
@@ -172,7 +177,18 @@ impl<'a> ClosestPlaces<'a> {
 
     /// The cell of the nearest triangle, its place there and its distance.
     fn nearest(&mut self, point: DVec3) -> Result<Option<(u32, u32, f64)>> {
-        let (mut best, mut best_sq) = (None, f64::INFINITY);
+        let bound_sq = self.bound_sq(point);
+        // A search that ends early may find nothing within the bound.
+        let mut found = self.nearest_within(point, bound_sq)?;
+        if found.is_none() && bound_sq.is_finite() {
+            found = self.nearest_within(point, f64::INFINITY)?;
+        }
+        self.last = found.map(|(cell, place, _)| (cell, place));
+        Ok(found)
+    }
+
+    fn nearest_within(&mut self, point: DVec3, bound_sq: f64) -> Result<Option<(u32, u32, f64)>> {
+        let (mut best, mut best_sq) = (None, bound_sq);
         self.visit_cells(best_sq, |search, cell| {
             if search.cells()[cell as usize].bounds.distance_sq(point) < best_sq {
                 let view = search.open(cell)?;
@@ -185,6 +201,18 @@ impl<'a> ClosestPlaces<'a> {
             Ok(best_sq)
         })?;
         Ok(best.map(|(cell, place)| (cell, place, best_sq.sqrt())))
+    }
+
+    /// The square of a distance within which there is a triangle, beyond doubt: the one that was nearest last, as the next
+    /// points lie near it.
+    fn bound_sq(&self, point: DVec3) -> f64 {
+        let last =
+            self.last.and_then(|(cell, place)| Some((self.views.iter().find(|(open, _)| *open == cell)?, place)));
+        let Some(((_, view), place)) = last else { return f64::INFINITY };
+        let local = point - view.origin;
+        let distance = closest_point(local, view.triangle(place)).distance(local);
+        let bound = distance * BOUND_MARGIN + ROUNDING * point.abs().max_element();
+        (bound * bound).max(f64::MIN_POSITIVE)
     }
 
     /// Gathers triangles no farther than `distance` from a point, at most `limit`.
