@@ -271,22 +271,16 @@ impl<'a> Merging<'a> {
 
 /// What lies beside either of two charts, with the lengths of both, ascending; without the two.
 fn joined(a: &[(u32, f64)], b: &[(u32, f64)], charts: [u32; 2]) -> Vec<(u32, f64)> {
-    let mut joined = Vec::with_capacity(a.len() + b.len());
-    let (mut a, mut b) = (a.iter().peekable(), b.iter().peekable());
-    let mut both = || match (a.peek().copied(), b.peek().copied()) {
-        (Some(&(of_a, length)), Some(&(of_b, more))) if of_a == of_b => {
-            (a.next(), b.next());
-            Some((of_a, length + more))
+    let others = a.iter().chain(b).copied().filter(|(other, _)| !charts.contains(other));
+    let mut joined: Vec<(u32, f64)> = others.collect();
+    joined.sort_by_key(|&(other, _)| other);
+    joined.dedup_by(|next, kept| {
+        let is_same = next.0 == kept.0;
+        if is_same {
+            kept.1 += next.1;
         }
-        (Some(of_a), Some(of_b)) if of_b.0 < of_a.0 => b.next().copied(),
-        (Some(_), _) => a.next().copied(),
-        (None, _) => b.next().copied(),
-    };
-    while let Some((other, length)) = both() {
-        if !charts.contains(&other) {
-            joined.push((other, length));
-        }
-    }
+        is_same
+    });
     joined
 }
 
