@@ -19,7 +19,13 @@ const FLAT_SINE: f64 = 1e-8;
 /// [`closest_point`].
 #[inline]
 pub fn closest_weights(p: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 3] {
-    let (ab, ac, ap) = (b - a, c - a, p - a);
+    weights(p, [a, b, c], [b - a, c - a])
+}
+
+/// As [`closest_weights`], with the sides at the first corner.
+#[inline(always)]
+fn weights(p: DVec3, [a, b, c]: [DVec3; 3], [ab, ac]: [DVec3; 2]) -> [f64; 3] {
+    let ap = p - a;
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));
     if d1 <= 0.0 && d2 <= 0.0 {
         return [1.0, 0.0, 0.0];
@@ -73,7 +79,7 @@ pub fn closest_point(point: DVec3, [a, b, c]: [DVec3; 3]) -> DVec3 {
             return closest_of_needle(point, [a, b, c], normal, sine_sq);
         }
     }
-    let weights = closest_weights(point, [a, b, c]);
+    let weights = weights(point, [a, b, c], [ab, ac]);
     a + ab * weights[1] + ac * weights[2]
 }
 
