@@ -59,25 +59,34 @@ pub struct Clipper<'a> {
     tree: &'a TileTree,
     /// Of each cut of the current triangle, the points that divide it.
     cuts: Vec<Vec<(DVec3, DVec2)>>,
+    /// Polygons that are not needed any more: their memory is.
+    spare: Vec<Polygon>,
 }
 
 impl<'a> Clipper<'a> {
     /// Cuts at the planes of a tree.
     pub fn new(tree: &'a TileTree) -> Self {
-        Self { tree, cuts: Vec::new() }
+        Self { tree, cuts: Vec::new(), spare: Vec::new() }
     }
 
     /// Passes the parts of a triangle in all nodes to `take`, from the root downwards.
     pub fn cut(&mut self, corners: [(DVec3, DVec2); 3], take: &mut impl TakeParts) {
         self.cuts.clear();
         let own = |(position, texcoord)| ClipCorner { position, texcoord, edge: ClipEdge::Own };
-        let polygon = corners.map(own).to_vec();
+        let mut polygon = self.empty();
+        polygon.extend(corners.map(own));
         self.descend(ROOT, polygon, take);
+    }
+
+    fn empty(&mut self) -> Polygon {
+        let mut polygon = self.spare.pop().unwrap_or_default();
+        polygon.clear();
+        polygon
     }
 
     fn descend(&mut self, mut node: TileId, mut polygon: Polygon, take: &mut impl TakeParts) {
         while take.part(node, &polygon) {
-            let TileNode::Split { axis, plane, below } = self.tree.nodes[node] else { return };
+            let TileNode::Split { axis, plane, below } = self.tree.nodes[node] else { break };
             let axis = usize::from(axis);
             let coordinates = || polygon.iter().map(|corner| corner.position[axis]);
             if coordinates().all(|at| at <= plane) {
@@ -87,16 +96,18 @@ impl<'a> Clipper<'a> {
             } else {
                 let [lower, upper] = self.divide(&polygon, axis, plane);
                 self.descend(below, lower, take);
-                (node, polygon) = (below.plus(1), upper);
+                node = below.plus(1);
+                self.spare.push(std::mem::replace(&mut polygon, upper));
             }
         }
+        self.spare.push(polygon);
     }
 
     /// Divides a polygon that lies on both sides of a plane.
     fn divide(&mut self, polygon: &[ClipCorner], axis: usize, plane: f64) -> [Polygon; 2] {
         let cut = ClipEdge::Cut { number: self.cuts.len() as u32, axis: axis as u8 };
         self.cuts.push(Vec::new());
-        let mut parts = [Polygon::with_capacity(polygon.len() + 1), Polygon::with_capacity(polygon.len() + 1)];
+        let mut parts = [self.empty(), self.empty()];
         for (at, corner) in polygon.iter().enumerate() {
             let next = &polygon[(at + 1) % polygon.len()];
             let side = corner.position[axis].total_cmp(&plane);
