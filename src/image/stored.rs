@@ -215,7 +215,7 @@ impl<'a> TexelReader<'a> {
     }
 
     /// Copies red, green and blue of neighbouring pixels, from that in a column and row on, which are counted from the
-    /// upper left; nothing if the image could not be read.
+    /// upper left; leaves them as they are if the image could not be read.
     ///
     /// # Errors
     /// On failed reads.

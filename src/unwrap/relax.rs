@@ -77,7 +77,7 @@ impl RigidTriangle {
 }
 
 /// What a triangle asks of one of its vertices.
-struct Pull {
+struct SidePull {
     /// The next vertex and the one before it.
     vertices: [usize; 2],
     /// Numbers of the sides to these, of all triangles' sides, and their weights.
@@ -85,19 +85,19 @@ struct Pull {
     weights: [f64; 2],
 }
 
-impl Pull {
+impl SidePull {
     fn add_weights(sum: f64, pull: &Self) -> f64 {
         sum + (pull.weights[0] + pull.weights[1])
     }
 }
 
 /// What triangles ask of each of `count` vertices.
-fn pulls(elements: &[RigidTriangle], count: usize) -> Vec<Vec<Pull>> {
-    let mut pulls: Vec<Vec<Pull>> = (0..count).map(|_| Vec::new()).collect();
+fn pulls(elements: &[RigidTriangle], count: usize) -> Vec<Vec<SidePull>> {
+    let mut pulls: Vec<Vec<SidePull>> = (0..count).map(|_| Vec::new()).collect();
     for (number, &RigidTriangle { vertices, weights, .. }) in elements.iter().enumerate() {
         for (corner, &vertex) in vertices.iter().enumerate() {
             let (next, before) = ((corner + 1) % 3, (corner + 2) % 3);
-            pulls[vertex].push(Pull {
+            pulls[vertex].push(SidePull {
                 vertices: [vertices[next], vertices[before]],
                 sides: [3 * number + corner, 3 * number + before],
                 weights: [weights[corner], weights[before]],
@@ -118,7 +118,7 @@ pub(super) fn relax(triangles: &[([usize; 3], [DVec3; 3])], mut places: Vec<DVec
     let is_kept = |places: &[DVec2]| elements.iter().all(|element| element.stretch(places) <= STRETCH_MAX);
     let seen = places.clone();
     let pulls_of = pulls(&elements, places.len());
-    let totals: Vec<f64> = pulls_of.iter().map(|pulls| pulls.iter().fold(0.0, Pull::add_weights)).collect();
+    let totals: Vec<f64> = pulls_of.iter().map(|pulls| pulls.iter().fold(0.0, SidePull::add_weights)).collect();
     let mut turned = vec![DVec2::ZERO; 3 * elements.len()];
     let sides = elements.iter().flat_map(|element| element.sides);
     let still_sq = STILL * STILL * sides.map(|side| side.length_squared()).fold(0.0, f64::max);
@@ -131,7 +131,7 @@ pub(super) fn relax(triangles: &[([usize; 3], [DVec3; 3])], mut places: Vec<DVec
         }
         for (vertex, (pulls, &total)) in pulls_of.iter().zip(&totals).enumerate() {
             let mut sum = DVec2::ZERO;
-            for Pull { vertices: [next, before], sides, weights } in pulls {
+            for SidePull { vertices: [next, before], sides, weights } in pulls {
                 sum += weights[0] * (places[*next] - turned[sides[0]]);
                 sum += weights[1] * (places[*before] + turned[sides[1]]);
             }
