@@ -82,6 +82,8 @@ impl<'a> ClosestPlaces<'a> {
         order_by_distance(self.cells(), bounds, &mut self.patch_order);
         self.order.clone_from(&self.patch_order);
         (self.of_block, self.block) = (0, bounds);
+        // What is found must not depend on the patches before.
+        self.last = None;
     }
 
     /// Closes all cells but the `most` that were opened last, which frees the memory that they are mapped to.
