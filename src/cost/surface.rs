@@ -72,7 +72,8 @@ impl SurfaceCost {
         self.area = 0.0;
         let living = mesh.corners.iter().zip(&mesh.corner_vertices).filter(|(corners, _)| corners[0] != DEAD);
         for (corners, vertices) in living {
-            let [p0, p1, p2] = vertices.map(|vertex| mesh.positions[vertex]);
+            let &[v0, v1, v2] = vertices;
+            let [p0, p1, p2] = [mesh.positions[v0], mesh.positions[v1], mesh.positions[v2]];
             let edges = [p1 - p0, p2 - p0];
             let across = edges[0].cross(edges[1]);
             let double_area = across.length();
@@ -85,7 +86,8 @@ impl SurfaceCost {
             let mut planes = Planes::default();
             planes.add(normal.as_vec3a(), area as f32);
             if self.has_texture() {
-                let [t0, t1, t2] = corners.map(|wedge| mesh.wedge_uv[wedge]);
+                let &[w0, w1, w2] = corners;
+                let [t0, t1, t2] = [mesh.wedge_uv[w0], mesh.wedge_uv[w1], mesh.wedge_uv[w2]];
                 let gradients = texture_gradients(edges, [t1 - t0, t2 - t0], normal / double_area);
                 if gradients.iter().all(|gradient| gradient.is_finite()) {
                     let weight = (area * self.weights.uv) as f32;

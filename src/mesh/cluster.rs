@@ -164,7 +164,8 @@ impl ClusterMesh {
     /// The next and the previous vertex in the face of a corner, counter-clockwise; the face must not be dead.
     #[inline(always)]
     pub fn others_of(&self, corner: Corner) -> [LocalVertex; 2] {
-        corner.others().map(|other| self.vertex_of(other))
+        let [next, previous] = corner.others();
+        [self.vertex_of(next), self.vertex_of(previous)]
     }
 
     /// Vertex and wedge of a corner, whose face must not be dead.
@@ -238,13 +239,16 @@ impl ClusterMesh {
     /// Positions of a face's corners.
     #[inline]
     pub fn triangle(&self, face: FaceId) -> [DVec3; 3] {
-        self.vertices(face).map(|vertex| self.positions[vertex])
+        // One by one: `map` would copy them once more.
+        let [a, b, c] = self.vertices(face);
+        [self.positions[a], self.positions[b], self.positions[c]]
     }
 
     /// Scaled texture coordinates of a face's corners; NaN where there are none.
     #[inline]
     pub fn uv_triangle(&self, face: FaceId) -> [DVec2; 3] {
-        self.corners[face].map(|wedge| self.wedge_uv[wedge])
+        let [a, b, c] = self.corners[face];
+        [self.wedge_uv[a], self.wedge_uv[b], self.wedge_uv[c]]
     }
 
     /// Adds a vertex and returns its id.

@@ -26,10 +26,10 @@ pub fn are_nearly_folded(edge: [DVec3; 2], thirds: [DVec3; 2]) -> bool {
 #[inline]
 fn are_within(cosine_sq: f64, [a, b]: [DVec3; 2], thirds: [DVec3; 2]) -> bool {
     let along = b - a;
-    let [p, q] = thirds.map(|third| third - a);
+    let [p, q] = [thirds[0] - a, thirds[1] - a];
     // Cheap test first: most pairs of faces lie on different sides of their edge.
     let same_side = p.dot(q) * along.length_squared() > p.dot(along) * q.dot(along);
-    same_side && is_angle_below(cosine_sq, [p, q].map(|third| across(along, third)))
+    same_side && is_angle_below(cosine_sq, [across(along, p), across(along, q)])
 }
 
 /// Component of `third` perpendicular to `side`: the direction in which a face leaves this side. `third` is the face's

@@ -44,7 +44,8 @@ impl Corner {
         // A table lookup, because a branch on the corner's index would be unpredictable.
         const STEPS: [[u32; 2]; 4] =
             [[1, 2], [1, 1u32.wrapping_neg()], [2u32.wrapping_neg(), 1u32.wrapping_neg()], [0, 0]];
-        STEPS[self.index_in_face()].map(|step| Self::new(self.number().wrapping_add(step)))
+        let [next, previous] = STEPS[self.index_in_face()];
+        [Self::new(self.number().wrapping_add(next)), Self::new(self.number().wrapping_add(previous))]
     }
 
     /// The next corner in the face, counter-clockwise.

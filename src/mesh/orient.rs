@@ -17,8 +17,8 @@ use crate::base::id::TiVec;
 
 /// Turns faces over so that the two faces of each edge run along it in opposite directions, wherever that is possible.
 /// Edges of three faces or more do not count; the first face of each surface stays. No face may be dead. Returns the
-/// vertices of the faces that were turned over, ascending; their rings are outdated. O(n), plus sorting at each vertex;
-/// 17 bytes a face and 1 a vertex.
+/// vertices of the faces that were turned over, ascending; their rings are outdated. O(n); 17 bytes a face and 13 a
+/// vertex.
 pub fn orient(mesh: &mut ClusterMesh, rings: &Rings) -> Vec<LocalVertex> {
     let twins = twins(mesh, rings);
     let mut is_known = mesh.per_face(false);
@@ -63,26 +63,40 @@ fn swap_turned(mesh: &mut ClusterMesh) {
     }
 }
 
+/// The half-edges seen so far between a vertex and one after it.
+#[derive(Debug, Clone, Copy)]
+struct SeenEdge {
+    /// The lower vertex.
+    from: LocalVertex,
+    first: Corner,
+    count: u32,
+}
+
 /// The twin of each half-edge, or [`Corner::NONE`] if its edge does not have exactly two faces. A half-edge is named by the
 /// corner at which it begins.
 fn twins(mesh: &ClusterMesh, rings: &Rings) -> TiVec<Corner, Corner> {
     let mut twins: TiVec<Corner, Corner> = vec![Corner::NONE; 4 * mesh.corners.len()].into();
-    // Half-edges between a vertex and those after it: the other end of each, then its own number.
-    let mut halves: Vec<u64> = Vec::new();
+    let mut seen = mesh.per_vertex(SeenEdge { from: LocalVertex::NONE, first: Corner::NONE, count: 0 });
     for vertex in mesh.vertex_ids() {
-        halves.clear();
         for &corner in rings.of(vertex) {
             for (end, half) in mesh.others_of(corner).into_iter().zip([corner, corner.previous()]) {
-                if end > vertex {
-                    halves.push(u64::from(end.number()) << 32 | u64::from(half.number()));
+                if end <= vertex {
+                    continue;
                 }
-            }
-        }
-        halves.sort_unstable();
-        for edge in halves.chunk_by(|a, b| a >> 32 == b >> 32) {
-            if let &[a, b] = edge {
-                let [a, b] = [a, b].map(|half| Corner::new(half as u32));
-                (twins[a], twins[b]) = (b, a);
+                let edge = &mut seen[end];
+                if edge.from != vertex {
+                    *edge = SeenEdge { from: vertex, first: half, count: 0 };
+                }
+                edge.count += 1;
+                let first = edge.first;
+                match edge.count {
+                    1 => {}
+                    2 => (twins[first], twins[half]) = (half, first),
+                    _ => {
+                        let second = std::mem::replace(&mut twins[first], Corner::NONE);
+                        second.some().into_iter().for_each(|second| twins[second] = Corner::NONE);
+                    }
+                }
             }
         }
     }

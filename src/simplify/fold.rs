@@ -142,8 +142,9 @@ impl FoldCheck {
 fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVec3) -> bool {
     let [a, b] = one.ends;
     let Some(third) = third_across(mesh, rings, one) else { return false };
-    let [p, q, third, from] = [a, b, third, mesh.vertex_of(one.corner)].map(|v| mesh.positions[v]);
-    become_folded([[p, q]; 2], [[from, third], [position, third]])
+    let place = |v: LocalVertex| mesh.positions[v];
+    let (edge, third, from) = ([place(a), place(b)], place(third), place(mesh.vertex_of(one.corner)));
+    become_folded([edge; 2], [[from, third], [position, third]])
 }
 
 /// The third vertex of the face across the side of a face that has no moving vertex; `None` if there is no such face,
@@ -183,8 +184,8 @@ fn folds_at_anchor(
     [[a, b], [b, a]].into_iter().filter(|[end, _]| common.contains(end)).any(|[end, last]| {
         let mut thirds = thirds_at(mesh, rings, [anchor, end]).filter(|(beside, _)| !dying.contains(beside));
         thirds.any(|(_, third)| {
-            let [end, last, third] = [end, last, third].map(|v| mesh.positions[v]);
-            are_nearly_folded([position, end], [last, third])
+            let place = |v: LocalVertex| mesh.positions[v];
+            are_nearly_folded([position, place(end)], [place(last), place(third)])
         })
     })
 }
@@ -226,13 +227,13 @@ fn fold_together(mesh: &ClusterMesh, [one, other]: [&Joined; 2], position: DVec3
 
 /// Whether they fold onto each other at the edge that leads to `one.ends[i]` = `other.ends[j]`.
 fn fold_at_edge(mesh: &ClusterMesh, [one, other]: [&Joined; 2], [i, j]: [usize; 2], position: DVec3) -> bool {
-    let [from, from_other] = [one, other].map(|joined| mesh.vertex_of(joined.corner));
-    let [before, ridge, first, last] =
-        [from, one.ends[i], one.ends[1 - i], other.ends[1 - j]].map(|v| mesh.positions[v]);
-    if from != from_other {
-        return are_nearly_folded([position, ridge], [first, last]);
+    let place = |v: LocalVertex| mesh.positions[v];
+    let (ridge, thirds) = (place(one.ends[i]), [place(one.ends[1 - i]), place(other.ends[1 - j])]);
+    let from = mesh.vertex_of(one.corner);
+    if from != mesh.vertex_of(other.corner) {
+        return are_nearly_folded([position, ridge], thirds);
     }
-    become_folded([[before, ridge], [position, ridge]], [[first, last]; 2])
+    become_folded([[place(from), ridge], [position, ridge]], [thirds; 2])
 }
 
 /// Whether two faces become nearly folded, or folded; each is given by its edge and third corners before and after.

@@ -52,8 +52,8 @@ impl<'a> Retreat<'a> {
                 if (a == other) | (b == other) | mesh.is_dead(corner.face()) {
                     continue;
                 }
-                let [a, b] = [a, b].map(|end| mesh.positions[end]);
-                nearest_sq = nearest_sq.min(distance_sq(vanishing, [remaining, a, b]));
+                let triangle = [remaining, mesh.positions[a], mesh.positions[b]];
+                nearest_sq = nearest_sq.min(distance_sq(vanishing, triangle));
             }
         }
         if nearest_sq <= near_sq { cost } else { cost.max((area * nearest_sq) as f32) }
