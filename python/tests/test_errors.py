@@ -123,20 +123,22 @@ def test_another_input_in_the_work_folder(tmp_path):
     assert exit_code("simplify", source, "-o", tmp_path / "b.obj", *options) == caught.value.exit_code == 5
 
 
+class NoHandsError(Exception):
+    pass
+
+
 def test_a_folder_that_is_locked(tmp_path):
-    source, other = tmp_path / "source.obj", []
-    vertices, faces = grid(300)
-    with open(source, "w") as file:
-        np.savetxt(file, vertices, fmt="v %.5f %.5f %.5f")
-        np.savetxt(file, faces + 1, fmt="f %d %d %d")
+    options, other = {"ratio": 0.5, "cluster_faces": 2000}, []
 
-    def call_again(event: drystone.Event) -> None:
-        if event.phase == "scan" and not other:
-            with pytest.raises(BlockingIOError) as caught:
-                drystone.simplify(source, tmp_path / "a.obj", ratio=0.5)
-            other.append(caught.value)
+    # The job waits for its hands.
+    def call_again(stage, count, is_stopped):
+        with pytest.raises(BlockingIOError) as caught:
+            drystone.simplify(TOWN, tmp_path / "a.obj", **options)
+        other.append(caught.value)
+        raise NoHandsError
 
-    drystone.simplify(source, tmp_path / "a.obj", ratio=0.5, progress=call_again)
+    with pytest.raises(NoHandsError):
+        drystone.simplify(TOWN, tmp_path / "a.obj", **options, hands=call_again)
     (error,) = other
     assert isinstance(error, drystone.LockedError) and error.exit_code == 6
     assert os.path.basename(error.path) == "a.obj.work"
