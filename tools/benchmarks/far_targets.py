@@ -6,8 +6,7 @@
 Every tool gets the same mesh: positions alone, since most peers keep nothing else. The error is the root mean square of
 the distances both ways, in 1e-4 of the diagonal of the mesh's box, and after it the pixels per million that one sees
 through, both measured by `drystone compare`. A tool that stops more than 0.1 % above its target has its number of
-triangles in brackets. Runs with the Python that has the packages of
-tools/peers/requirements.txt.
+triangles in brackets. The peers are installed beside tools/peers, in an environment of their own.
 """
 import argparse
 import datetime
@@ -17,6 +16,9 @@ import sys
 import tempfile
 from decimal import Decimal
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "peers"))
+from peers import install_packages
 
 RATIOS = [0.1, 0.05, 0.02, 0.005, 0.001]
 PEERS = ["vtk", "pymeshlab", "meshoptimizer", "meshoptimizer-permissive", "meshoptimizer-sloppy"]
@@ -71,8 +73,8 @@ def bare(path, out):
 class Bench:
     """One mesh in a folder of its own."""
 
-    def __init__(self, program, path, folder, samples):
-        self.program, self.samples = program, str(samples)
+    def __init__(self, program, python, path, folder, samples):
+        self.program, self.python, self.samples = program, python, str(samples)
         self.input, self.output = Path(folder) / "input.obj", Path(folder) / "output.obj"
         self.faces = bare(path, self.input)
 
@@ -82,8 +84,10 @@ class Bench:
         if tool == "drystone":
             command = [self.program, "simplify", self.input, "-o", self.output, "--ratio", str(ratio), "--force", "--quiet"]
         else:
-            command = [sys.executable, SIMPLIFY, tool, self.input, self.output, "--ratio", str(ratio)]
-        subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            command = [self.python, SIMPLIFY, tool, self.input, self.output, "--ratio", str(ratio)]
+        run = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, errors="replace")
+        if not self.output.exists():
+            print(f"{tool} to {ratio}: no result\n{run.stderr[-500:]}", file=sys.stderr)
         return self.output.exists()
 
     def error(self):
@@ -112,11 +116,12 @@ def main():
     options = parser.parse_args()
     version = subprocess.run([options.drystone, "--version"], capture_output=True, text=True, check=True).stdout.strip()
     version = version.split(" (")[0]  # a release is named by its version, not by a commit
+    python = install_packages()
     print(HEAD.format(version=version, date=datetime.date.today()))
     print("| Mesh | Kept |", " | ".join(["drystone", *PEERS]), "|\n|" + " --- |" * (len(PEERS) + 3))
     for name, path in (mesh.split("=", 1) for mesh in options.meshes):
         with tempfile.TemporaryDirectory() as folder:
-            bench = Bench(options.drystone, path, folder, options.samples)
+            bench = Bench(options.drystone, python, path, folder, options.samples)
             for ratio in RATIOS:
                 cells = [bench.cell(tool, ratio) for tool in ["drystone", *PEERS]]
                 target = max(1, round(ratio * bench.faces))

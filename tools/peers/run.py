@@ -119,7 +119,7 @@ def run_rounds(obj, tools, options):
                 told = tool.fault
             else:
                 last = tool.runs[-1]
-                told = f"wall {last['wall']:.2f} s, cpu {last['cpu']:.2f} s, peak {last['peak'] / 2**20:.0f} MiB"
+                told = f"wall {last['wall_seconds']:.2f} s, cpu {last['cpu_seconds']:.2f} s, peak {last['max_resident'] / 2**20:.0f} MiB"
             print(f"{obj.parent.name}/{obj.name} {name}: {told}", file=sys.stderr)
             if number == 0 and not tool.fault and not options.no_quality:
                 tool.judged.append(quality.compared(options.drystone, obj, tool.result, options.samples))
@@ -190,7 +190,8 @@ def compare(obj, options, peers, scratch):
 
 
 def title(options, peers):
-    ours = subprocess.run([options.drystone, "--version"], check=True, capture_output=True, text=True).stdout.strip()
+    ours = subprocess.run([options.drystone, "--version"], check=True, capture_output=True, text=True).stdout
+    ours = ours.partition(" (")[0].strip()  # a release is named by its version, not by a commit
     busy = " ".join(f"{load:.1f}" for load in os.getloadavg())
     versions = ", ".join([ours, *peers.versions()])
     return [f"{datetime.date.today()}, {os.cpu_count()} processors, load averages {busy} at the start; {versions}.", ""]
