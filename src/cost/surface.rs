@@ -27,7 +27,7 @@ use super::weights::Weights;
 use crate::base::cache::prefetch;
 use crate::base::id::TiVec;
 use crate::mesh::class::{Class, Classes, VALENCE_MAX};
-use crate::mesh::cluster::{ClusterMesh, DEAD};
+use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::{EdgeKind, edge_kind, kind_among};
 use crate::mesh::id::{Corner, End, LocalVertex, Wedge, WedgePair};
 use crate::mesh::ring::{Rings, Spoke};
@@ -70,10 +70,8 @@ impl SurfaceCost {
             self.wedges.resize(mesh.wedge_vertex.len(), LocalWedge::default());
         }
         self.area = 0.0;
-        let living = mesh.corners.iter().zip(&mesh.corner_vertices).filter(|(corners, _)| corners[0] != DEAD);
-        for (corners, vertices) in living {
-            let &[v0, v1, v2] = vertices;
-            let [p0, p1, p2] = [mesh.positions[v0], mesh.positions[v1], mesh.positions[v2]];
+        for face in mesh.living_faces() {
+            let [p0, p1, p2] = mesh.triangle(face);
             let edges = [p1 - p0, p2 - p0];
             let across = edges[0].cross(edges[1]);
             let double_area = across.length();
@@ -86,20 +84,19 @@ impl SurfaceCost {
             let mut planes = Planes::default();
             planes.add(normal.as_vec3a(), area as f32);
             if self.has_texture() {
-                let &[w0, w1, w2] = corners;
-                let [t0, t1, t2] = [mesh.wedge_uv[w0], mesh.wedge_uv[w1], mesh.wedge_uv[w2]];
+                let [t0, t1, t2] = mesh.uv_triangle(face);
                 let gradients = texture_gradients(edges, [t1 - t0, t2 - t0], normal / double_area);
                 if gradients.iter().all(|gradient| gradient.is_finite()) {
                     let weight = (area * self.weights.uv) as f32;
                     gradients.iter().for_each(|&gradient| planes.add(gradient, weight));
                     let gradient = gradients.map(|gradient| Vec3::from(gradient * weight));
                     let of_face = LocalWedge { gradient, weight, offset: Vec2::ZERO };
-                    corners.iter().for_each(|&corner| self.wedges[corner].add(&of_face));
+                    mesh.corners[face].into_iter().for_each(|wedge| self.wedges[wedge].add(&of_face));
                 }
             }
             let mut of_face = NormalSums::of((0.5 * across).as_vec3(), area as f32);
             of_face.quadratic = planes.quadratic();
-            vertices.iter().for_each(|&vertex| self.vertices[vertex].add(&of_face));
+            mesh.vertices(face).into_iter().for_each(|vertex| self.vertices[vertex].add(&of_face));
         }
         add_creases(&mut self.vertices, mesh, rings, self.weights.border, &mut self.near_folds);
         let mut spokes = Vec::new();

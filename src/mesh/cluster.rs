@@ -251,6 +251,19 @@ impl ClusterMesh {
         [self.wedge_uv[a], self.wedge_uv[b], self.wedge_uv[c]]
     }
 
+    /// Reserves memory for more vertices, wedges and faces.
+    pub fn reserve(&mut self, vertices: usize, wedges: usize, faces: usize) {
+        self.positions.reserve(vertices);
+        self.flags.reserve(vertices);
+        self.wedge_vertex.reserve(wedges);
+        self.wedge_uv.reserve(wedges);
+        self.corners.reserve(faces);
+        self.corner_vertices.reserve(faces);
+        self.parts.reserve(faces);
+        self.deviations.reserve(faces);
+        self.is_turned.reserve(faces);
+    }
+
     /// Adds a vertex and returns its id.
     pub fn push_vertex(&mut self, position: DVec3, flags: u8) -> LocalVertex {
         self.flags.push(flags);

@@ -121,11 +121,7 @@ pub fn evenly_spread(faces: &TiSlice<ClusterId, u64>, count: usize) -> Vec<Clust
 
 /// Cuts a patch of about `faces` faces out of a cluster.
 pub fn patch(mesh: &ClusterMesh, faces: usize) -> ClusterMesh {
-    let vertices = |face| mesh.vertices(face);
-    let triangle = |face| {
-        let [a, b, c] = vertices(face);
-        [mesh.positions[a], mesh.positions[b], mesh.positions[c]]
-    };
+    let (triangle, vertices) = (|face| mesh.triangle(face), |face| mesh.vertices(face));
     let patch = Patch::choose(mesh.corners.len(), faces, mesh.positions.len(), triangle, vertices);
     patch.cut_from(mesh, patch.faces.iter().copied())
 }
@@ -181,7 +177,7 @@ impl Patch {
     fn cut_from(&self, mesh: &ClusterMesh, faces: impl Iterator<Item = FaceId>) -> ClusterMesh {
         let mut patch = ClusterMesh::default();
         // A closed surface has half as many vertices as faces.
-        make_room(&mut patch, self.faces.len() / 2, self.faces.len() / 2, self.faces.len());
+        patch.reserve(self.faces.len() / 2, self.faces.len() / 2, self.faces.len());
         let mut vertex_of = mesh.per_vertex(LocalVertex::NONE);
         let mut wedge_of = mesh.per_wedge(Wedge::NONE);
         for face in faces {
@@ -202,23 +198,10 @@ impl Patch {
     }
 }
 
-/// Reserves memory for more vertices, wedges and faces.
-fn make_room(mesh: &mut ClusterMesh, vertices: usize, wedges: usize, faces: usize) {
-    mesh.positions.reserve(vertices);
-    mesh.flags.reserve(vertices);
-    mesh.wedge_vertex.reserve(wedges);
-    mesh.wedge_uv.reserve(wedges);
-    mesh.corners.reserve(faces);
-    mesh.corner_vertices.reserve(faces);
-    mesh.parts.reserve(faces);
-    mesh.deviations.reserve(faces);
-    mesh.is_turned.reserve(faces);
-}
-
 /// Adds a patch to the sample.
 pub fn append(sample: &mut ClusterMesh, patch: &ClusterMesh) {
     let (vertices, wedges) = (sample.positions.len(), sample.wedge_vertex.len());
-    make_room(sample, patch.positions.len(), patch.wedge_vertex.len(), patch.corners.len());
+    sample.reserve(patch.positions.len(), patch.wedge_vertex.len(), patch.corners.len());
     for (&position, &flags) in patch.positions.iter().zip(&patch.flags) {
         sample.push_vertex(position, flags);
     }

@@ -192,7 +192,7 @@ fn folds_at_anchor(
 
 /// The living faces that have both vertices, and the third vertex of each.
 #[inline(always)]
-fn thirds_at<'a>(
+pub(super) fn thirds_at<'a>(
     mesh: &'a ClusterMesh,
     rings: &'a Rings,
     [a, b]: [LocalVertex; 2],

@@ -7,6 +7,7 @@ use crate::mesh::fold::are_nearly_folded;
 use crate::mesh::id::{FaceId, LocalVertex, Wedge};
 use crate::mesh::ring::Rings;
 use crate::simplify::edge_star::{EdgeStar, Neighbour, VanishingFan, is_hub};
+use crate::simplify::fold::thirds_at;
 use crate::simplify::refusal::Refusal;
 use crate::simplify::shape_rule::ShapeRule;
 use crate::simplify::triangle_change::doubled_uv_area;
@@ -47,11 +48,6 @@ fn neighbour_of(neighbours: &mut Vec<Neighbour>, vertex: LocalVertex) -> &mut Ne
 /// Whether a face has `first` directly after `second`, so that it faces the opposite way to one that has them in order.
 fn goes_back(face: [LocalVertex; 3], [first, second]: [LocalVertex; 2]) -> bool {
     (0..3).any(|k| face[k] == second && face[(k + 1) % 3] == first)
-}
-
-/// The vertex of a face that is neither of two given ones.
-fn third_of(mesh: &ClusterMesh, face: FaceId, [a, b]: [LocalVertex; 2]) -> LocalVertex {
-    mesh.vertices(face).into_iter().find(|&vertex| vertex != a && vertex != b).unwrap_or(a)
 }
 
 impl EdgeStar {
@@ -173,16 +169,15 @@ impl EdgeStar {
     fn check_far_sides(&self, mesh: &ClusterMesh, rings: &Rings) -> Result<(), Refusal> {
         let place = |vertex: LocalVertex| mesh.positions[vertex];
         for &[a, b] in &self.far_sides {
-            let is_left = |&face: &FaceId| mesh.vertices(face).contains(&b) && !self.dying.contains(&face);
-            let mut left = rings.faces(mesh, a).filter(is_left);
+            let mut left = thirds_at(mesh, rings, [a, b]).filter(|(face, _)| !self.dying.contains(face));
             match [left.next(), left.next(), left.next()] {
                 [Some(_), None, _] => return Err(Refusal::Topology),
                 [Some(one), Some(other), None] => {
-                    let thirds = [one, other].map(|face| place(third_of(mesh, face, [a, b])));
+                    let thirds = [one, other].map(|(_, third)| place(third));
                     if self.shape_rule == ShapeRule::Strict && are_nearly_folded([a, b].map(place), thirds) {
                         return Err(Refusal::Fold);
                     }
-                    if self.are_mirrored(mesh, [one, other], [a, b]) {
+                    if self.are_mirrored(mesh, [one, other].map(|(face, _)| face), [a, b]) {
                         return Err(Refusal::UvFold);
                     }
                 }
