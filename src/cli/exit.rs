@@ -6,13 +6,13 @@ use crate::base::{Error, ErrorKind};
 use crate::report::{Report, Status};
 
 /// Every exit code and what it means.
-pub const CODES: [(u8, &str); 13] = [
+pub const CODES: [(u8, &str); 14] = [
     (0, "done"),
     (
         1,
         "failed: the system refused, a limit was exceeded, a check found a fault, or --measure found --max-error broken",
     ),
-    (2, "usage: an option or the memory budget is not possible"),
+    (2, "usage: an option or the memory budget is not possible, or the output exists"),
     (3, "written, but the target was missed; the message says why"),
     (4, "bad input: the message names the file, and the line if one is at fault"),
     (5, "the input or the options changed since the work folder was made"),
@@ -20,6 +20,7 @@ pub const CODES: [(u8, &str); 13] = [
     (7, "no space left on a disk, or not enough to begin"),
     (8, "a file of the work folder is damaged"),
     (9, "the job does not wait for the task any more, or there is no such stage"),
+    (101, "a fault of the program: please report it with its message"),
     (129, "stopped by SIGHUP; the same command resumes"),
     (130, "stopped by SIGINT (Ctrl-C); the same command resumes"),
     (143, "stopped by SIGTERM; the same command resumes"),

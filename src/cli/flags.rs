@@ -37,7 +37,7 @@ pub struct JobFlags {
     #[arg(long, value_name = "SIZE", value_parser = bytes::parse, help_heading = heading::JOB)]
     memory: Option<u64>,
 
-    /// Number of threads
+    /// Number of threads, at most one for every 32 MiB of memory
     ///
     /// The result does not depend on it [default: one per processor]
     #[arg(long, value_name = "COUNT", value_parser = quantity::parse_whole::<usize>, help_heading = heading::JOB)]
@@ -176,11 +176,11 @@ pub struct SimplifyFlags {
     #[arg(value_parser = quantity::parse_whole::<u32>)]
     atlas: u32,
 
-    /// With --textures bake: format of the images: png, jpeg, or jpeg:QUALITY with a quality from 1 to 100 [default: png]
+    /// With --textures bake: format of the images: png, jpeg (quality 90), or jpeg:QUALITY, from 1 to 100 [default: png]
     #[arg(long, value_name = "FORMAT", help_heading = heading::TEXTURE, hide_short_help = true)]
     image: Option<ImageFormat>,
 
-    /// Weight of texture drift, 0 to 1000; at 1 a metre of drift costs as much as a metre of distance
+    /// With the metric qem-attributes: weight of texture drift, 0 to 1000; at 1 drift costs as much as distance
     #[arg(long, value_name = "WEIGHT", default_value_t = 0.7, allow_negative_numbers = true, help_heading = heading::TEXTURE)]
     #[arg(value_parser = quantity::parse_number, hide_short_help = true)]
     uv_weight: f64,
@@ -199,7 +199,8 @@ pub struct SimplifyFlags {
 
     /// Passes over shifted clusters, 1 to 16
     ///
-    /// The run adds passes if the target is far below the input, or if locked borders of clusters keep it out of reach
+    /// The run adds up to 12 passes if the target is far below the input, or if locked borders of clusters keep it out of
+    /// reach
     #[arg(long, value_name = "COUNT", default_value_t = 3, help_heading = heading::JOB, hide_short_help = true)]
     #[arg(value_parser = quantity::parse_whole::<usize>)]
     passes: usize,

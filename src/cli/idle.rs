@@ -6,7 +6,7 @@ use clap::ArgMatches;
 use clap::parser::ValueSource;
 
 use crate::base::{Error, Result};
-use crate::options::TextureFiles;
+use crate::options::{MetricChoice, TextureFiles};
 use crate::write::ResultFormat;
 
 /// Options, whether the others of the command let them have an effect, and what they need.
@@ -27,16 +27,19 @@ pub fn refuse(matches: &ArgMatches, has_hands: bool) -> Result<()> {
     Ok(())
 }
 
-fn needs(command: &str, given: &ArgMatches, has_hands: bool) -> [Need; 4] {
+fn needs(command: &str, given: &ArgMatches, has_hands: bool) -> [Need; 5] {
     // A command without the other option gives its own meaning to the first.
     let textures = value::<TextureFiles>(given, "textures");
     let makes_images = textures.is_none_or(|files| files == TextureFiles::Bake) || is_given(given, "tile");
     let measures = value::<bool>(given, "measure").is_none_or(|measures| measures);
     let is_glb = |path: PathBuf| ResultFormat::by_ending(&path) == Some(ResultFormat::Glb);
+    let prices_drift =
+        value::<MetricChoice>(given, "metric").is_none_or(|metric| metric == MetricChoice::QemAttributes);
     let turns = command == "tile" || value(given, "output").is_none_or(is_glb);
     [
         (&["texels", "atlas", "image"], makes_images, "`textures: bake`"),
         (&["samples", "seed"], measures, "`measure`"),
+        (&["uv_weight"], prices_drift, "`metric: qem-attributes`"),
         (&["up"], turns, "an output that ends in .glb"),
         (&["tasks", "task_tries"], has_hands || is_given(given, "task_runner"), "`task_runner`"),
     ]
@@ -72,6 +75,7 @@ mod tests {
             ("image jpeg:5", "`textures: bake`"),
             ("samples 5000", "`measure`"),
             ("seed 4", "`measure`"),
+            ("uv-weight 2 --metric terrain", "`metric: qem-attributes`"),
             ("up y", "an output that ends in .glb"),
             ("tasks 5", "`task_runner`"),
             ("task-tries 9", "`task_runner`"),
@@ -92,6 +96,8 @@ mod tests {
             "simplify a.obj -o b.GLB --ratio 0.1 --measure --seed 4 --samples 5000 --up y",
             "simplify a.obj -o b.obj --ratio 0.1 --task-runner {stage} --tasks 5 --task-tries 9",
             "plan a.obj --ratio 0.1 --up y",
+            "simplify a.obj -o b.obj --ratio 0.1 --uv-weight 2",
+            "simplify a.obj -o b.obj --ratio 0.1 --uv-weight 2 --metric qem-attributes",
             "plan a.obj --tile --image png",
             "tile a.obj -o b --up y --image png",
             "compare a.obj b.obj --seed 4 --samples 5000",

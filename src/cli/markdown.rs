@@ -45,7 +45,7 @@ fn describe(page: &mut String, command: &Command, simplify: &Command) {
     let is_other = command.get_name() != simplify.get_name();
     let takes_all = is_other && command.get_arguments().any(|argument| argument.get_id() == "ratio");
     if takes_all {
-        page.push_str("\nTakes the options of [simplify](#drystone-simplify) that shape the result or the job, and:\n");
+        page.push_str("\nTakes the options of [simplify](#drystone-simplify), and:\n");
     }
     let is_said = |argument: &Arg| {
         takes_all && simplify.get_arguments().any(|other| !other.is_hide_set() && other.get_id() == argument.get_id())

@@ -21,14 +21,18 @@ use crate::job::{Entry, StepRecord, WorkStatus, look};
 use crate::model::array_file;
 use crate::passes::steps::PassStep;
 use crate::read::SCAN;
-use crate::tile::TileStep;
+use crate::tile::{TILESET, TileStep};
 use crate::write::RESULT;
 
 /// First bytes of the meshes that the program writes: an OBJ, a PLY, an array file.
 const OWN_BEGINNINGS: [&[u8]; 3] =
     [b"# drystone ", b"ply\nformat binary_little_endian 1.0\ncomment drystone ", &array_file::MAGIC];
-/// Length of the longest of them.
-const BEGINNING_BYTES: u64 = 60;
+/// What stands near the beginning of the JSON that the program writes: of a GLB, of a pyramid.
+const OWN_GENERATOR: &[u8] = b"\"generator\":\"drystone ";
+/// First bytes of a GLB.
+const GLB: &[u8] = b"glTF";
+/// Bytes of a file in which one of these stands.
+const BEGINNING_BYTES: u64 = 512;
 
 /// Arguments of `drystone status`.
 #[derive(Debug, Args)]
@@ -197,9 +201,14 @@ fn finished(work: &Path) -> Option<PathBuf> {
         return None;
     }
     let output = work.with_extension("");
+    let is_pyramid = output.is_dir();
+    let first = if is_pyramid { output.join(TILESET) } else { output.clone() };
     let mut beginning = Vec::new();
-    File::open(&output).and_then(|file| file.take(BEGINNING_BYTES).read_to_end(&mut beginning)).ok()?;
-    OWN_BEGINNINGS.iter().any(|own| beginning.starts_with(own)).then_some(output)
+    File::open(first).and_then(|file| file.take(BEGINNING_BYTES).read_to_end(&mut beginning)).ok()?;
+    let has_json = is_pyramid || beginning.starts_with(GLB);
+    let is_own = OWN_BEGINNINGS.iter().any(|own| beginning.starts_with(own))
+        || (has_json && beginning.windows(OWN_GENERATOR.len()).any(|part| part == OWN_GENERATOR));
+    is_own.then_some(output)
 }
 
 impl JobStatus {

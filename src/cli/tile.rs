@@ -48,7 +48,7 @@ pub struct TileFlags {
     #[arg(value_parser = quantity::parse_whole::<u32>)]
     tile_side: u32,
 
-    /// Format of the images: png, or jpeg, webp or ktx2, with or without :QUALITY, from 1 to 100
+    /// Format of the images: png, or jpeg, webp or ktx2, with :QUALITY, from 1 to 100, or without (90, 80, 75)
     ///
     /// webp and ktx2 need a program that is built with the feature of that name, and viewers that know EXT_texture_webp
     /// or KHR_texture_basisu
