@@ -20,6 +20,7 @@
 //! - **Within what:** [`Limits`]: memory and threads. The output has the same bytes at any number of threads.
 //! - **What happened:** a [`Report`]; an [`Error`] has a [`kind`](Error::kind).
 //! - **Meanwhile:** a [`Progress`] hears of phases and may stop the run; the same call resumes it.
+//! - **On several machines:** [`Hands`] have tasks of a job done elsewhere; [`do_task`] does one.
 //!
 //! ```text
 //! files ── read ──▶ columns ── partition ──▶ clusters ── simplify ──▶ clusters' ── repeat ──▶ … ── write ──▶ file
@@ -105,8 +106,10 @@ pub mod cli;
 pub use api::bake_textures;
 pub use api::{MeshReport, Simplify, simplify_mesh, unwrap_mesh};
 pub use base::{Error, ErrorKind, Progress, Result, Silent};
+pub use job::stage::{Hands, HandsEnd, SharedHands, Stage, TaskRunner};
 pub use model::Mesh;
 pub use options::{JobOptions, Limits, SimplifyOptions, Target};
 pub use os::mmap::map_large_allocations as return_freed_memory;
 pub use os::system::claim_process;
+pub use pipeline::{TaskEnd, do_task};
 pub use report::Report;

@@ -118,7 +118,7 @@ class StoppedError(DrystoneError):
 class TaskError(DrystoneError):
     """The task `task`, which others were to do, has no result after all tries.
 
-    `exit_code` is that of the task runner if it failed, else 1, as that of the command line is.
+    `exit_code` is that of the task runner if it failed, else 1. The command line exits with 1 in both cases.
     """
 
     def __init__(self, message: str, task: int | None = None, exit_code: int = 1) -> None:

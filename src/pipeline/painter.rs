@@ -61,7 +61,13 @@ impl<'a> Painter<'a> {
     /// # Errors
     /// [`Error::Stopped`].
     pub fn draw_before(&mut self, mesh: Option<&StoredMesh>, findings: &mut Findings) -> Result<()> {
-        let Some(mesh) = mesh.filter(|_| self.drawing != Drawing::Nothing) else { return Ok(()) };
+        if self.drawing == Drawing::Nothing {
+            return Ok(());
+        }
+        let Some(mesh) = mesh else {
+            findings.note("missing_renderings", || "the job resumed when the mesh that it read was gone".into());
+            return Ok(());
+        };
         let drawn = self.draw(mesh, self.catalogue, None, findings);
         if matches!(drawn, Err(Error::Stopped)) {
             return Err(Error::Stopped);

@@ -44,8 +44,8 @@ def expected(drystone, hills, tmp_path_factory):
 
 def runner(drystone):
     """A task runner that does two tasks at a time."""
-    task = f"{shlex.quote(drystone.binary)} task {{stage}} N --threads 1 --memory 128MiB --quiet"
-    return f"seq 0 {{last}} | xargs -P 2 -I N {task}"
+    task = f"{shlex.quote(drystone.binary)} task {{stage}} {{}} --threads 1 --memory 128MiB --quiet"
+    return f"seq 0 {{last}} | xargs -P 2 -I {{}} {task}"
 
 
 def command(drystone, hills, folder, *more):

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
+use crate::source::Source;
 use crate::words::PHRASES;
 
 /// Columns of a line, at most.
@@ -340,4 +341,30 @@ fn every_picture_of_the_papers_stands_on_their_pages() {
     let pictures = files.filter(|path| path.extension().is_some_and(|kind| kind == "png" || kind == "svg"));
     let lost = pictures.filter(|path| !shown.contains(path));
     expect_none(&lost.map(|path| path.display().to_string()).collect::<Vec<_>>());
+}
+
+/// The kinds of findings in a source file, without its tests.
+fn kinds_of_findings(source: &str) -> Vec<&str> {
+    let source = source.split("#[cfg(test)]").next().unwrap_or_default();
+    let calls = ["indings.note(", "indings.count("].into_iter().flat_map(|call| source.split(call).skip(1));
+    calls.filter_map(|rest| rest.trim_start().strip_prefix('"')?.split('"').next()).collect()
+}
+
+#[test]
+fn every_kind_of_finding_is_explained() {
+    let pages: String = ["input", "report", "comparison"]
+        .map(|name| fs::read_to_string(format!("docs/reference/{name}.md")).unwrap())
+        .concat();
+    let mut found = 0;
+    let mut faults = Vec::new();
+    for file in Source::read().files.values() {
+        for kind in kinds_of_findings(&file.text) {
+            found += 1;
+            if !pages.contains(&format!("`{kind}`")) {
+                faults.push(format!("{}: no page of the reference explains `{kind}`", file.path.display()));
+            }
+        }
+    }
+    assert!(found > 30, "{found}");
+    expect_none(&faults);
 }

@@ -31,7 +31,7 @@ impl TaskRunner {
     /// [`Error::Usage`] if it does not name the stage.
     pub fn new(command: &str) -> Result<Self> {
         if !command.contains("{stage}") {
-            let words = "`task_runner`: expected a command with `{stage}`, such as `seq 0 {last} | xargs -I N drystone task {stage} N`";
+            let words = "`task_runner`: expected a command with `{stage}`, such as `seq 0 {last} | xargs -I {} drystone task {stage} {}`";
             return Err(Error::Usage(words.into()));
         }
         Ok(Self { command: command.to_owned() })
