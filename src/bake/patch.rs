@@ -120,14 +120,27 @@ impl<'a> PatchBaker<'a> {
         Self { original, texel, side, painters: Painters::new(original, texel, away, painters, progress) }
     }
 
+    /// Largest side of an image in texels.
+    pub fn side(&self) -> u32 {
+        self.side
+    }
+
     /// Unwraps a patch; texels are `coarser` times as long as they are elsewhere.
     ///
     /// # Errors
     /// If the job is to stop; on failed reads.
     pub fn unwrap(&self, patch: &PatchSurface<'_>, coarser: f64) -> Result<Unwrapped> {
+        self.unwrap_within(patch, coarser, self.side)
+    }
+
+    /// The same, into images with sides of at most `side` texels.
+    ///
+    /// # Errors
+    /// If the job is to stop; on failed reads.
+    pub fn unwrap_within(&self, patch: &PatchSurface<'_>, coarser: f64, side: u32) -> Result<Unwrapped> {
         let mut texels = texel_lengths(self.original, patch, self.texel)?;
         texels.iter_mut().for_each(|texel| *texel *= coarser);
-        unwrap(patch.triangles, &UnwrapSettings { texels: &texels, side: self.side })
+        unwrap(patch.triangles, &UnwrapSettings { texels: &texels, side })
     }
 
     /// Paints an image of a patch.

@@ -29,6 +29,7 @@ mod lattice;
 pub mod lend;
 mod mesh;
 mod meshopt;
+mod one_image;
 mod paint;
 mod raw;
 mod run;
@@ -45,7 +46,7 @@ pub use self::check::{LevelCheck, TilesetCheck, TilesetInput, check_tileset, che
 pub use self::crew::TileCrew;
 pub use self::figures::LevelFigures;
 pub use self::run::Pyramid;
-pub use self::scene::TileScene;
+pub use self::scene::{EdgeLengths, TileScene};
 pub use self::settings::{TilePlace, TileSettings, tile_limits};
 pub use self::steps::TileStep;
 pub use self::tileset::TILESET;

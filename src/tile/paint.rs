@@ -10,6 +10,7 @@ use super::copy::CopiedCharts;
 use super::glb::{TileContent, TileVertex};
 use super::lattice::Lattice;
 use super::mesh::TileMesh;
+use super::one_image::{PaintedPatch, paint_in_one};
 use super::skirt::Strip;
 use crate::bake::{Painted, PaintedImage, PatchBaker, PatchSurface};
 use crate::base::id::TiVec;
@@ -19,10 +20,6 @@ use crate::image::stored::TexelReader;
 use crate::mesh::id::{FaceId, LocalVertex};
 use crate::model::image_format::ImageFormat;
 use crate::unwrap::{Triangles, Unwrapped};
-
-/// Texels get longer by this factor until all charts fit one image, this often at most.
-const COARSER: f64 = 1.1;
-const TRIES_MAX: usize = 100;
 
 /// A painted tile.
 pub struct PaintedTile {
@@ -79,12 +76,9 @@ impl BareTile<'_> {
         let Self { mesh, lattice, scene_origin, .. } = *self;
         let triangles = Triangles { positions: &mesh.positions, vertices: &mesh.faces };
         let patch = PatchSurface { triangles, origin: scene_origin + lattice.position(mesh.middle) };
-        let (unwrapped, coarser) = in_one_image(baker, &patch)?;
-        if unwrapped.images.is_empty() {
-            return Ok(self.plain());
-        }
-        let image = baker.paint(&patch, &unwrapped, 0)?;
-        Ok(PaintedTile { is_reduced: coarser > 1.0, ..self.with_image(&unwrapped, image, format)? })
+        let PaintedPatch { unwrapped, image, is_reduced } = paint_in_one(baker, &patch)?;
+        let Some(image) = image else { return Ok(self.plain()) };
+        Ok(PaintedTile { is_reduced, ..self.with_image(&unwrapped, image, format)? })
     }
 
     /// Copies the texels of the original.
@@ -130,20 +124,6 @@ impl BareTile<'_> {
             texcoords,
         })
     }
-}
-
-/// Unwraps a patch into one image, with longer texels if it has to be: returns by how much, too.
-fn in_one_image(baker: &PatchBaker<'_>, patch: &PatchSurface<'_>) -> Result<(Unwrapped, f64)> {
-    let mut coarser = 1.0;
-    let mut unwrapped = baker.unwrap(patch, coarser)?;
-    for _ in 0..TRIES_MAX {
-        if unwrapped.images.len() <= 1 {
-            break;
-        }
-        coarser *= COARSER;
-        unwrapped = baker.unwrap(patch, coarser)?;
-    }
-    Ok((unwrapped, coarser))
 }
 
 /// Numbers the vertices of a tile: one for each vertex of the mesh and chart, and those of the skirt.
@@ -209,6 +189,7 @@ impl<'a> ContentBuilder<'a> {
 
     fn finish(mut self, image: Option<(Vec<u8>, ImageFormat)>) -> TileContent {
         self.add_skirt();
+        self.content.settle();
         TileContent { image, ..self.content }
     }
 }
