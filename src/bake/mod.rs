@@ -47,7 +47,7 @@ mod testing;
 
 pub use self::canvas::AtlasCanvas;
 pub use self::catalogue::geometry_catalogue;
-pub use self::original::{Original, OriginalSurface, TEXELS_OF_FACE, TexelSource};
+pub use self::original::{LengthHistogram, Original, OriginalSurface, TEXELS_OF_FACE, TexelSource};
 pub use self::paint::Painted;
 pub use self::painters::PAINTER_BYTES;
 pub use self::patch::{PaintedImage, PatchBaker, PatchSettings};

@@ -129,31 +129,33 @@ pub enum TexelSource<'a> {
     Nothing,
 }
 
-/// How much of a surface has texels of which length.
-struct LengthHistogram {
-    /// Area for each range of lengths, [`STEPS`] of them for a factor of two.
-    areas: Vec<f64>,
+/// How often lengths occur: of texels by area, of edges by number.
+pub struct LengthHistogram {
+    /// Weight of each range of lengths, [`STEPS`] of them for a factor of two.
+    weights: Vec<f64>,
 }
 
 impl Default for LengthHistogram {
     fn default() -> Self {
-        Self { areas: vec![0.0; 2 * (OCTAVES * STEPS) as usize] }
+        Self { weights: vec![0.0; 2 * (OCTAVES * STEPS) as usize] }
     }
 }
 
 impl LengthHistogram {
-    fn add(&mut self, length: f64, area: f64) {
+    /// Adds a length.
+    pub fn add(&mut self, length: f64, weight: f64) {
         let step = (libm::log2(length) * STEPS).floor() + OCTAVES * STEPS;
-        let step = step.clamp(0.0, (self.areas.len() - 1) as f64) as usize;
-        self.areas[step] += area;
+        let step = step.clamp(0.0, (self.weights.len() - 1) as f64) as usize;
+        self.weights[step] += weight;
     }
 
-    fn median(&self) -> Option<f64> {
-        let half = 0.5 * self.areas.iter().sum::<f64>();
+    /// The length below which this share of them lies; `None` if there are none.
+    pub fn quantile(&self, share: f64) -> Option<f64> {
+        let wanted = share * self.weights.iter().sum::<f64>();
         let mut below = 0.0;
-        let step = self.areas.iter().position(|area| {
-            below += area;
-            below >= half && half > 0.0
+        let step = self.weights.iter().position(|weight| {
+            below += weight;
+            below >= wanted && wanted > 0.0
         })?;
         Some(libm::exp2((step as f64 + 0.5 - OCTAVES * STEPS) / STEPS))
     }
@@ -304,7 +306,7 @@ impl Original {
             }
         }
         let without = (self.area / (TEXELS_OF_FACE * self.face_count as f64)).sqrt();
-        Ok(lengths.median().unwrap_or(if without.is_normal() { without } else { 1.0 }))
+        Ok(lengths.quantile(0.5).unwrap_or(if without.is_normal() { without } else { 1.0 }))
     }
 
     /// The plain colour that an id stands for.

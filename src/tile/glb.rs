@@ -16,6 +16,7 @@
 use glam::{DVec2, DVec3, IVec3};
 use serde_json::{Value, json};
 
+use super::lattice::FLOAT_PLACES_MAX;
 use super::meshopt::{encode_attributes, encode_triangles, for_reuse, strips_in_rows, vertices_by_use};
 use crate::geometry::boxtree::Bounds;
 use crate::model::image_format::ImageFormat;
@@ -165,6 +166,18 @@ impl TileContent {
         let DVec3 { x, y, z } = self.middle;
         let scale = [self.step; 3];
         json!({ "mesh": 0, "translation": [x, z, -y], "rotation": Z_TO_Y, "scale": scale })
+    }
+
+    /// Moves the vertices of a tile that is wider than floats can count to the nearest places that they hold exactly.
+    pub fn settle(&mut self) {
+        let farthest = self.vertices.iter().map(|vertex| vertex.place.abs().max_element()).max().unwrap_or(0);
+        if farthest <= FLOAT_PLACES_MAX {
+            return;
+        }
+        let unit = (farthest as u32).div_ceil(FLOAT_PLACES_MAX as u32).next_power_of_two() as i32;
+        for vertex in &mut self.vertices {
+            vertex.place = (vertex.place + unit / 2).div_euclid(IVec3::splat(unit)) * unit;
+        }
     }
 
     /// The smallest box around it, relative to the origin of the scene.

@@ -8,8 +8,11 @@ use serde::{Deserialize, Serialize};
 
 /// Steps of the lattice for each texel, at least.
 const STEPS_OF_TEXEL: f64 = 16.0;
-/// Places along an axis at most.
-const PLACES_MAX: f64 = (1u64 << 30) as f64;
+/// Places from the origin along an axis at most: the difference of two fits an integer of 32 bits.
+const PLACES_MAX: f64 = (1u64 << 29) as f64;
+
+/// Largest distance in places that a float of 32 bits holds exactly, whatever it is.
+pub const FLOAT_PLACES_MAX: i32 = 1 << 24;
 
 /// A cubic lattice through the origin of the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -68,6 +71,6 @@ mod tests {
     #[test]
     fn a_scene_far_wider_than_its_texels_has_a_coarser_lattice() {
         let lattice = Lattice::new(1e-9, 1e6);
-        assert!(lattice.place(DVec3::splat(1e6)).max_element() <= 1 << 30);
+        assert!(lattice.place(DVec3::splat(1e6)).max_element() <= 1 << 29);
     }
 }

@@ -6,7 +6,7 @@ use foldhash::fast::FixedState;
 use glam::{DVec3, IVec3};
 
 use super::cut::{CutLevel, TileTriangle};
-use super::lattice::Lattice;
+use super::lattice::{FLOAT_PLACES_MAX, Lattice};
 use super::settings::FACES_OF_STRIP;
 use crate::base::Result;
 use crate::base::id::TiVec;
@@ -176,6 +176,12 @@ impl TileMesh {
     /// Triangles, those of its skirt included.
     pub fn faces_with_skirt(&self) -> u64 {
         self.faces.len() as u64 + FACES_OF_STRIP * self.border.len() as u64
+    }
+
+    /// Whether some vertices lie farther from the middle than floats can count.
+    pub fn is_wide(&self) -> bool {
+        let [low, high] = self.extent();
+        (self.middle - low).max(high - self.middle).max_element() > FLOAT_PLACES_MAX
     }
 
     /// Adds a face without area whose first edge is a line.

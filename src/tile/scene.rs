@@ -4,10 +4,15 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::lattice::Lattice;
+use crate::bake::LengthHistogram;
+use crate::base::{Progress, Result};
 use crate::geometry::boxtree::Bounds;
+use crate::surface::cells::SurfaceCells;
 
 /// The origin is a multiple of a power of two that is at least this share of the size.
 const ORIGIN_SHARE: f64 = 1.0 / 16.0;
+/// Share of the triangles that may be as small as the lattice.
+const FINE_SHARE: f64 = 0.02;
 
 /// The scene.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -21,15 +26,49 @@ pub struct TileScene {
     lattice: Lattice,
 }
 
+/// Lengths of the longest edges of triangles.
+#[derive(Debug, Clone, Copy)]
+pub struct EdgeLengths {
+    /// Half of the triangles have a shorter one.
+    pub median: f64,
+    /// [`FINE_SHARE`] of the triangles have a shorter one.
+    pub fine: f64,
+}
+
+impl EdgeLengths {
+    /// Those of a surface; infinite if no triangle has an extent.
+    ///
+    /// # Errors
+    /// If the job was stopped, and on failed reads.
+    pub fn of(surface: &SurfaceCells, progress: &dyn Progress) -> Result<Self> {
+        let mut lengths = LengthHistogram::default();
+        for cell in &surface.cells {
+            progress.check_stopped()?;
+            let view = cell.view()?;
+            for number in 0..view.faces.len() as u32 {
+                let [a, b, c] = view.triangle(number);
+                let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+                if longest.is_normal() {
+                    lengths.add(longest, 1.0);
+                }
+            }
+        }
+        let quantile = |share| lengths.quantile(share).unwrap_or(f64::INFINITY);
+        Ok(Self { median: quantile(0.5), fine: quantile(FINE_SHARE) })
+    }
+}
+
 impl TileScene {
-    /// The scene of a surface with texels of this length.
-    pub fn new(bounds: Bounds, texel: f64) -> Self {
+    /// The scene of a surface with texels of this length. Where texels are longer than edges, as where each triangle shows
+    /// one texel of a palette, edges decide: else triangles would vanish between texels.
+    pub fn new(bounds: Bounds, texel: f64, edges: EdgeLengths) -> Self {
+        let texel = texel.min(edges.median);
         let middle = 0.5 * (bounds.low + bounds.high);
         let size = (bounds.high - bounds.low).max_element();
         let step = libm::exp2(libm::floor(libm::log2(size * ORIGIN_SHARE)));
         let origin = if step > 0.0 && step.is_finite() { (middle / step).round() * step } else { middle };
         let reach = (bounds.low - origin).abs().max((bounds.high - origin).abs()).max_element();
-        Self { origin, bounds, texel, lattice: Lattice::new(texel, reach) }
+        Self { origin, bounds, texel, lattice: Lattice::new(texel.min(edges.fine), reach) }
     }
 
     /// Reports whether lengths are lengths.

@@ -55,8 +55,10 @@ impl LevelTriangles<'_> {
                 triangle.image = face.image;
                 triangle.density = match original.source(face.image) {
                     TexelSource::Image(image) => {
-                        let [width, height] = image.size().map(f64::from);
-                        texture_area(face.texcoords) * width * height / area(corners).max(f64::MIN_POSITIVE)
+                        let texels: f64 = image.size().map(f64::from).iter().product();
+                        let density = texture_area(face.texcoords) * texels / area(corners);
+                        // What has no area on the lattice shows nothing.
+                        if density.is_finite() { density } else { 0.0 }
                     }
                     TexelSource::Plain(_) => 0.0,
                     TexelSource::Nothing => usual,

@@ -250,6 +250,20 @@ mod tests {
 
     proptest! {
         #[test]
+        fn a_tile_far_from_the_origin_is_read_as_it_was_written(place in prop::array::uniform3(-1i32 << 29..1 << 29), far in 0..1i32 << 30, exponent in -40i32..20) {
+            let step = f64::from(exponent).exp2();
+            let corners = [IVec3::ZERO, IVec3::X, IVec3::new(-40, far, 3000)];
+            let vertices = corners.map(|place| TileVertex { place, texcoord: DVec2::ZERO }).to_vec();
+            let middle = IVec3::from(place).as_dvec3() * step;
+            let mut content = TileContent { vertices, triangles: vec![[0, 1, 2]], step, middle, ..TileContent::default() };
+            content.settle();
+            let read = read_glb(&content.to_glb(false)).unwrap();
+            let moved = i64::from(far) - (read.places[2][1] - i64::from(place[1]));
+            prop_assert!(moved.abs() <= i64::from(far >> 24), "{moved}");
+            prop_assert_eq!(read.places[0], place.map(i64::from));
+        }
+
+        #[test]
         fn damaged_files_are_refused_or_read(changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6), cut in any::<prop::sample::Index>(), is_compressed in any::<bool>()) {
             let mut bytes = glb(is_compressed);
             for (at, byte) in changes {
