@@ -71,7 +71,7 @@ fn earlier(job: &WorkFolder, output: &Path) -> Result<Earlier> {
 ///
 /// # Errors
 /// Those of [`WorkFolder::recall`].
-fn was_writing(job: &WorkFolder, output: &Path) -> Result<bool> {
+pub(super) fn was_writing(job: &WorkFolder, output: &Path) -> Result<bool> {
     let there = OutputPlace { obj: resolved(output) };
     let Some(earlier) = job.recall::<OutputPlace>(&OUTPUT, &())? else { return Ok(false) };
     if earlier != there {

@@ -12,6 +12,7 @@ use glam::{DMat4, DVec3};
 
 use super::admission::Admission;
 use super::input;
+use super::output::{remember, was_writing};
 use super::paths::{OutputKind, refused};
 use super::preflight::Preflight;
 use super::texturing::{Kept, Texturing};
@@ -26,7 +27,7 @@ use crate::os::system;
 use crate::passes::PassOptions;
 use crate::read::{InputChoice, MovePositions, typical_position};
 use crate::report::TileReport;
-use crate::tile::{Chain, Pyramid, TILESET, TilePlace, TileScene, TileSettings, last_faces, pass_count};
+use crate::tile::{Chain, EdgeLengths, Pyramid, TILESET, TilePlace, TileScene, TileSettings, last_faces, pass_count};
 
 /// Builds a pyramid of tiles of meshes in files, or in all files below folders, in a folder.
 ///
@@ -56,9 +57,10 @@ fn run(
     work: &mut WorkFolder,
     progress: &dyn Progress,
 ) -> Result<TileReport> {
-    refuse_filled_folder(job.output, work.is_resumed() || options.job.force)?;
+    refuse_filled_folder(job.output, was_writing(work, job.output)? || options.job.force)?;
     let (input, mut start) = input::read(job, work, progress)?;
     make_folders(job.output)?;
+    remember(work, job.output)?;
     forget_tileset(job.output)?;
     let mut findings = input.findings.clone();
     let admission = Admission::admit(job, &input, &start, work)?;
@@ -76,7 +78,8 @@ fn run(
         work.give_up();
         return Err(input::nothing_left(job, &input));
     }
-    let scene = TileScene::new(original.surface.bounds, original.median_texel);
+    let edges = EdgeLengths::of(&original.surface, progress)?;
+    let scene = TileScene::new(original.surface.bounds, original.median_texel, edges);
     let settings = TileSettings {
         faces: options.tile_faces,
         side: options.tile_side,
@@ -98,6 +101,10 @@ fn run(
     let is_moved = options.crs.is_some();
     let pyramid = Pyramid { original: &original, scene: &scene, settings: &settings, transform, is_moved, place };
     let levels = pyramid.build(&levels)?;
+    if levels.iter().all(|level| level.faces == 0) {
+        work.give_up();
+        return Err(input::nothing_left(job, &input));
+    }
     Ok(TileReport {
         triangles: input.triangles,
         origin: on_earth,
@@ -108,7 +115,7 @@ fn run(
     })
 }
 
-/// Refuses a folder that holds anything, unless it may hold tiles.
+/// Refuses a folder that holds anything, unless it may hold tiles of this job, or tiles that may be replaced.
 fn refuse_filled_folder(output: &Path, may_hold_tiles: bool) -> Result<()> {
     match std::fs::read_dir(output).map(|mut entries| entries.next().is_none()) {
         Ok(is_empty) if is_empty || may_hold_tiles => Ok(()),

@@ -27,7 +27,7 @@ use crate::base::ordered::map_in_order;
 use crate::base::{Error, Permits, Result};
 use crate::job::{Recalled, Step};
 use crate::lend::LentResults;
-use crate::os::durable::{DurableFile, make_folders};
+use crate::os::durable::{DurableFile, make_folders, remove_waiting};
 use crate::surface::cells::SurfaceCells;
 
 /// A pyramid under way.
@@ -86,13 +86,18 @@ impl Pyramid<'_> {
     /// # Errors
     /// If the job was stopped; on a full disk, failed reads and writes, and damaged files.
     pub fn build(&self, levels: &[Level]) -> Result<Vec<LevelFigures>> {
+        let TilePlace { work, output, .. } = self.place;
+        // What a process left that was killed while it wrote.
+        remove_waiting(output, work.number());
         let tree = self.tree()?;
         let (mut listed, mut figures): (Vec<ListedLevel>, Vec<LevelFigures>) = (Vec::new(), Vec::new());
         let mut done: Option<TilesOfLevel> = None;
         for (level, number) in levels.iter().zip(0..) {
             let below = listed.last().map(|below| &below.tiles);
             let cut = self.cut(level, number, &tree, below)?;
-            make_folders(&self.place.output.join(number.to_string()))?;
+            let folder = output.join(number.to_string());
+            make_folders(&folder)?;
+            remove_waiting(&folder, work.number());
             let tiles = self.write_tiles(levels, number, &cut, done.take())?;
             let errors: Vec<f64> = cut.deviations.iter().map(|&deviation| self.error_of(number, deviation)).collect();
             let coarsest = figures.last().map_or(0.0, |below| below.geometric_error);
@@ -107,16 +112,20 @@ impl Pyramid<'_> {
             listed.push(ListedLevel { tiles: cut.tiles, listed: list });
             done = Some(tiles);
         }
+        if listed.iter().all(|level| level.listed.is_empty()) {
+            return Ok(figures);
+        }
         let document = TilesetDocument {
             tree: &tree,
             levels: &listed,
             transform: self.transform,
             error_factor: self.settings.error_factor,
+            bare_root_error: self.settings.error_factor * self.scene.texel_of(levels.len() as u32),
             origin: (!self.is_moved).then_some(self.scene.origin),
         };
-        self.place.work.sync()?;
+        work.sync()?;
         for (name, json) in document.files() {
-            self.write(&self.place.output.join(name), json.to_string().as_bytes())?;
+            self.write(&output.join(name), json.to_string().as_bytes())?;
         }
         Ok(figures)
     }
@@ -176,8 +185,8 @@ impl Pyramid<'_> {
         Ok(record)
     }
 
-    /// Tiles that have too many triangles, or texels that do not fit one image, and that can be divided; notes the widths of
-    /// the images of the others.
+    /// Tiles that have too many triangles, are too wide, or whose texels do not fit one image, and that can be divided;
+    /// notes the widths of the images of the others.
     fn too_large(&self, cut: &mut CutRecord, number: u32, tree: &TileTree) -> Result<Vec<TileId>> {
         let TilePlace { limits, progress, .. } = self.place;
         let copies = number == 0 && self.settings.has_colour;
@@ -186,7 +195,7 @@ impl Pyramid<'_> {
         let fits = |index: usize| {
             progress.check_stopped()?;
             let mesh = TileMesh::read(triangles, index, self.scene.lattice(number))?;
-            if mesh.faces_with_skirt() > self.settings.faces {
+            if mesh.faces_with_skirt() > self.settings.faces || mesh.is_wide() {
                 return Ok((index, false, None));
             }
             if !copies {

@@ -58,6 +58,8 @@ pub struct TilesetDocument<'a> {
     pub transform: DMat4,
     /// Geometric error by the larger of a tile's texel and its distance from the input.
     pub error_factor: f64,
+    /// Least error of a root that has no content of its own: that of a level above the coarsest one.
+    pub bare_root_error: f64,
     /// Origin of the scene in the coordinates of the input; `None` if the input was moved.
     pub origin: Option<DVec3>,
 }
@@ -74,10 +76,10 @@ impl TilesetDocument<'_> {
         let mut tiles = self.below(self.levels.len() - 1, ROOT, &mut files);
         let mut root = match tiles.len() {
             1 => tiles.remove(0),
-            // A level that does not fit one tile has a root without content.
+            // A level that does not fit one tile has a root without content. Viewers look below it only if it has an error.
             _ => {
-                let error = 2.0 * tiles.iter().fold(0.0, |most: f64, tile| most.max(tile.error));
-                NamedTile::around(tiles, error)
+                let most = tiles.iter().fold(0.0, |most: f64, tile| most.max(tile.error));
+                NamedTile::around(tiles, (2.0 * most).max(self.bare_root_error))
             }
         };
         root.tile["transform"] = json!(self.transform.to_cols_array());

@@ -36,5 +36,6 @@ mod summary;
 mod targets;
 mod tile;
 mod tile_errors;
+mod tile_extremes;
 mod tile_views;
 mod topology;

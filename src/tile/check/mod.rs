@@ -216,6 +216,13 @@ impl<'a> Checking<'a> {
         if !tile["transform"].is_null() && !tile["transform"].as_array().is_some_and(has_matrix) {
             self.fault("transform", path, "expected 16 numbers");
         }
+        if error == Some(0.0) && tile["content"].is_null() && !tile["children"].is_null() {
+            self.fault(
+                "geometric error",
+                path,
+                "a tile without content has none, so no viewer looks at those below it",
+            );
+        }
         let below = Above { bounds, error: error.unwrap_or(above.error), depth: above.depth + 1 };
         if !tile["content"].is_null() {
             self.content(path, &tile["content"], below)?;
