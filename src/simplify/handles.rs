@@ -169,6 +169,7 @@ impl Sides {
     /// Gives the right side copies of the vertices, and closes both sides.
     fn part(self, mesh: &mut ClusterMesh) {
         let [left_part, right_part] = self.beside_first.map(|corner| mesh.parts[corner.face()]);
+        let [left_turned, right_turned] = self.beside_first.map(|corner| mesh.is_turned[corner.face()]);
         let wedge_at = |mesh: &ClusterMesh, corner: Corner, vertex: LocalVertex| {
             let corners = mesh.corners[corner.face()];
             corners.into_iter().find(|&wedge| mesh.wedge_vertex[wedge] == vertex)
@@ -205,11 +206,13 @@ impl Sides {
         let right = [copy_a, copy_b].map(|v| wedge_at(mesh, self.beside_first[1], v));
         if let [Some(wa), Some(wb)] = left {
             let wc = mesh.closing_wedge([wa, wb], beyond[0], thirds[0]);
-            mesh.push_face([wa, wc, wb], left_part);
+            let face = mesh.push_face([wa, wc, wb], left_part);
+            mesh.is_turned[face] = left_turned;
         }
         if let [Some(wa), Some(wb)] = right {
             let wc = mesh.closing_wedge([wa, wb], beyond[1], thirds[1]);
-            mesh.push_face([wa, wb, wc], right_part);
+            let face = mesh.push_face([wa, wb, wc], right_part);
+            mesh.is_turned[face] = right_turned;
         }
     }
 }
@@ -314,8 +317,10 @@ mod tests {
     fn a_tube_that_is_cut_is_two_closed_ones_each_the_same_way_round() {
         for uv in [DVec2::NAN, DVec2::ONE] {
             let mut mesh = tube(3, uv);
+            mesh.is_turned.iter_mut().for_each(|is_turned| *is_turned = uv == DVec2::ONE);
             let (rings, handles) = found(&mesh, f64::INFINITY);
             assert_eq!(cut(&mut mesh, &rings, &handles), [3, 4, 5].map(v));
+            assert!(mesh.is_turned.iter().all(|&is_turned| is_turned == (uv == DVec2::ONE)));
             assert_eq!((mesh.corners.len(), mesh.face_count, mesh.positions.len()), (16, 16, 12));
             assert_eq!(mesh.copied_from, [3, 4, 5].map(v));
             assert!(edges(&mesh).values().all(|uses| *uses == [1, 1]), "{:?}", edges(&mesh));

@@ -80,7 +80,8 @@ impl Parts {
         is_cut
     }
 
-    /// The parts on both sides of a plane, the inner one first; a part without interior has no corners.
+    /// The parts on both sides of a plane, the inner one first; a part without interior has no corners. A part that lies in
+    /// the plane, where rounding decides on which side its corners are, stays whole.
     fn cut(&mut self, part: &ConvexPolygon, (normal, offset): (DVec3, f64)) -> [ConvexPolygon; 2] {
         let mut heights = [0.0; CORNERS_MAX];
         let (mut low, mut high) = (0f64, 0f64);
@@ -96,6 +97,9 @@ impl Parts {
         }
         if -low <= touch {
             return [ConvexPolygon::default(), *part];
+        }
+        if crossings(&heights[..part.count], touch) > 2 {
+            return [*part, ConvexPolygon::default()];
         }
         let [mut within, mut beyond] = [ConvexPolygon::default(); 2];
         for i in 0..part.count {
@@ -141,6 +145,15 @@ impl Parts {
     }
 }
 
+/// How often the corners of a polygon change sides of a plane, those within `touch` of it left out: twice at most, if
+/// rounding leaves it convex.
+fn crossings(heights: &[f64], touch: f64) -> usize {
+    let mut sides = heights.iter().filter(|height| height.abs() > touch).map(|height| *height > 0.0);
+    let Some(first) = sides.next() else { return 0 };
+    let (count, last) = sides.fold((0, first), |(count, last), side| (count + usize::from(side != last), side));
+    count + usize::from(last != first)
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -182,6 +195,31 @@ mod tests {
             let halves = parts.halves(&whole);
             let [first, second] = halves.each_ref().map(|half| area(&parts, half));
             prop_assert!((first - second).abs() < 1e-12 && (first + second - area(&parts, &whole)).abs() < 1e-12);
+        }
+    }
+
+    proptest! {
+        // Needles: rounding alone decides on which side of a plane along them their corners lie.
+        #[test]
+        fn a_needle_in_the_plane_is_cut_or_stays_whole(
+            start in point(),
+            along in point(),
+            shares in prop::collection::vec(0.0..1.0f64, CORNERS_MAX - 3),
+            noise in prop::collection::vec(-1.0..1.0f64, CORNERS_MAX - 3),
+            width in prop_oneof![Just(0.0), Just(1e-16), Just(1e-14), Just(1e-10)],
+            far in prop_oneof![Just(0.0), Just(1e3), Just(4.5e6)],
+        ) {
+            let mut parts = Parts::default();
+            let mut needle = ConvexPolygon::default();
+            let across = along.any_orthogonal_vector();
+            for (share, noise) in shares.iter().zip(&noise) {
+                needle.push(parts.push(DVec3::splat(far) + start + *share * along + width * noise * across));
+            }
+            let through = |normal: DVec3| (normal, normal.dot(DVec3::splat(far) + start));
+            let planes = [across, along, across.cross(along)].map(through);
+            let mut found = Vec::new();
+            parts.cut_along(&needle, planes, |part| found.push(part));
+            prop_assert!(found.iter().all(|part| (3..=CORNERS_MAX).contains(&part.corners().len())));
         }
     }
 }
