@@ -115,7 +115,11 @@ impl ClusterTask {
     fn spare_faces(&self, own: u64) -> u64 {
         let [all, target] = self.faces_all;
         let spare = all.saturating_sub(target);
-        (u128::from(own) * u128::from(spare) / u128::from(all.max(1))) as u64
+        let share = (u128::from(own) * u128::from(spare) / u128::from(all.max(1))) as u64;
+        match self.stop {
+            ClusterStop::Costs(_, keep) => share.min(own.saturating_sub(keep)),
+            _ => share,
+        }
     }
 }
 

@@ -67,6 +67,8 @@ impl Run<'_> {
             // A target that was met stands, whatever the last collapses cost. In earlier passes, and where the target
             // was missed, preserving the shape comes first.
             StopRule::Faces(_, target) if faces_out <= *target => None,
+            // A bound preserves the shape by itself.
+            _ if self.options.max_error.is_some() => None,
             StopRule::Faces(..) | StopRule::Shares(_) => {
                 let before = self.state.reports.last().map(PassReport::end);
                 let (mut stages, mut area) = (StageSums::default(), 0.0);

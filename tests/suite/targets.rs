@@ -154,6 +154,31 @@ fn dropped_pieces_count_as_faces_that_a_pass_removes() {
     }
 }
 
+// A terrain of 12,800 triangles in many clusters, and 2,500 sheets of two, as small as its squares and smaller: a cluster
+// that a trim leaves as it is drops none of them
+#[test]
+fn dropped_pieces_of_a_trim_count_as_well() {
+    let mut sketch = grid(80, 80, 1.0, 0.0, 3);
+    for sheet in 0..2500 {
+        let corner = sketch.positions.len();
+        let part = grid(1, 1, 0.0, 0.0, 0);
+        let place = DVec3::new(noise(sheet, 0, 5) * 80.0, noise(sheet, 1, 5) * 80.0, 3.0);
+        let size = 0.02 * 40f64.powf(noise(sheet, 2, 5));
+        sketch.positions.extend(part.positions.iter().map(|position| place + size * position));
+        sketch.faces.extend(part.faces.iter().map(|face| face.map(|(v, t)| (v + corner, t + corner))));
+    }
+    for target in [4400, 4600, 4800, 5000, 5200, 5400] {
+        let options = SimplifyOptions {
+            target: Target::faces(target),
+            topology: Topology::Keep,
+            pieces: Pieces::Drop,
+            cluster_faces: 1000,
+            ..SimplifyOptions::default()
+        };
+        check_target(&sketch, &options).unwrap_or_else(|fault| panic!("{target}: {fault}"));
+    }
+}
+
 // 20,000 triangles, as flat as can be: the exact result has two
 #[test]
 fn a_flat_plane_keeps_its_area_at_any_target() {
