@@ -116,8 +116,7 @@ impl Layout {
         if let Some(name) = NAMES[..3].iter().find(|name| !has(vertex, name)) {
             return Err(missing(&format!("expected a property '{}' of element 'vertex', found none", quote(name))));
         }
-        let is_list = |property: &&Property| is_vertex_list(&property.name) && property.list.is_some();
-        match face.properties.iter().find(is_list) {
+        match vertex_list(face) {
             None => return Err(missing("expected a list 'vertex_indices' of element 'face', found none")),
             Some(list) if !list.scalar.is_integer() => {
                 return Err(Error::input(path, list.line, "expected vertex indices that are integers"));
@@ -221,7 +220,9 @@ impl Layout {
         let Property { name, list, scalar, line } = property;
         let skip = FieldStep::Skip { words: 1, bytes: scalar.bytes() as usize };
         let role = match (kind, list) {
-            (ElementKind::Face, Some(_)) if is_vertex_list(name) => ListRole::Vertices,
+            (ElementKind::Face, Some(_)) if vertex_list(element).is_some_and(|list| std::ptr::eq(list, property)) => {
+                ListRole::Vertices
+            }
             (ElementKind::Face, Some(_)) if name == b"texcoord" => ListRole::Texcoords,
             _ => ListRole::Skipped,
         };
@@ -254,8 +255,10 @@ impl Layout {
     }
 }
 
-fn is_vertex_list(name: &[u8]) -> bool {
-    name == b"vertex_indices" || name == b"vertex_index"
+/// The list with the corners of a face: the first one of either name.
+fn vertex_list(face: &Element) -> Option<&Property> {
+    let is_list = |property: &&Property| matches!(&*property.name, b"vertex_indices" | b"vertex_index");
+    face.properties.iter().find(|property| property.list.is_some() && is_list(property))
 }
 
 fn has_float_positions(vertex: &Element) -> bool {

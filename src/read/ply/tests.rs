@@ -386,3 +386,12 @@ fn the_ending_tells_the_format_and_without_one_the_first_bytes() {
     let found = scan(&both, folder.path(), &ScanOptions::default(), &Silent).unwrap();
     assert_eq!((found.triangles, found.mesh.pieces.len(), found.content_hashes.len()), (5, 2, 2));
 }
+
+#[test]
+fn the_first_list_of_corners_counts() {
+    let header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 2\nproperty list uchar int vertex_indices\nproperty list uchar int vertex_index\nend_header\n";
+    let text = format!("{header}0 0 0\n1 0 0\n0 1 0\n1 1 1\n3 0 1 2 3 3 1 2\n3 1 3 2 3 0 3 2\n");
+    let found = scan_bytes(text.as_bytes(), 64, 2).unwrap();
+    assert_eq!((found.faces.len(), found.scan.findings.get("unknown_properties")), (2, 1));
+}
