@@ -82,9 +82,11 @@ pub(super) fn may_have_twins(positions: &[DVec3]) -> bool {
     hashes.windows(2).any(|pair| pair[0] == pair[1])
 }
 
-/// Smallest number of decimals whose last unit is at most `step`.
+/// Smallest number of decimals whose last unit is at most `step`; all of them if nothing may be rounded.
 fn decimals_for(step: f64) -> u32 {
-    if step > 0.0 && step.is_finite() {
+    if step <= 0.0 {
+        DECIMALS_MAX
+    } else if step.is_finite() {
         (-libm::log10(step)).ceil().max(0.0).min(f64::from(DECIMALS_MAX)) as u32
     } else {
         0
@@ -108,7 +110,7 @@ mod tests {
         assert_eq!(round_to(0.1 + 0.2, 4), 0.3);
         assert_eq!(round_to(1e300, 3), 1e300);
         assert_eq!(decimals_for(0.002), 3);
-        assert_eq!(decimals_for(0.0), 0);
+        assert_eq!([0.0, f64::INFINITY].map(decimals_for), [DECIMALS_MAX, 0]);
     }
 
     #[test]
