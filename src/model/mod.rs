@@ -7,6 +7,7 @@
 pub mod id;
 pub mod array_file;
 pub mod catalogue;
+pub mod colour;
 pub mod diffuse;
 pub mod face;
 pub mod face_blocks;
@@ -18,6 +19,7 @@ pub mod image_format;
 pub mod corners;
 
 pub use catalogue::{Catalogue, Material, Part};
+pub use colour::ColourRange;
 pub use face::Face;
 pub use face_blocks::{FaceBlocks, FaceWriter};
 pub use mesh::Mesh;

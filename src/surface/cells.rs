@@ -11,7 +11,7 @@ use super::cell::{Cell, CellMaker, CellWriter, FACE_BYTES};
 use crate::base::{Progress, Result, WorkLimits};
 use crate::geometry::boxtree::Bounds;
 use crate::image::textures::TextureImages;
-use crate::model::{Catalogue, StoredMesh};
+use crate::model::{Catalogue, ColourRange, StoredMesh};
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, VisitOptions, reading, visit};
 
 /// Approximate number of triangles of a cell.
@@ -61,10 +61,12 @@ impl SurfaceCells {
         progress.begin("partition", 0, "");
         let partition = partition::partition(mesh, catalogue, folder, name, &options)?;
         progress.begin("prepare", partition.total_faces(), "faces");
+        // Of all colours, not of a cluster's: what a channel of 1 stands for holds for the whole mesh.
+        let range = partition.numbering.colours.as_ref().map(ColourRange::of).transpose()?.unwrap_or_default();
         let maker = CellMaker { images };
         let mut writer = CellWriter::create(&folder.join(format!("{name}-surface.cells")), DVec3::ZERO)?;
         let options = VisitOptions { work_bytes: limits.work_bytes, face_bytes: FACE_BYTES, progress };
-        let draft = |source: &ClusterSource| Ok(maker.draft(source, colours(source, &partition)?));
+        let draft = |source: &ClusterSource| Ok(maker.draft(source, colours(source, &partition, range)?));
         visit(&partition, mesh, catalogue, &options, draft, |draft| writer.append(draft))?;
         let (cells, _) = writer.finish()?;
         partition.files().for_each(|path| _ = std::fs::remove_file(path));
@@ -98,13 +100,13 @@ impl SurfaceCells {
 }
 
 /// Colours of a cluster's vertices, the fourth byte 0 where there is none; empty if the mesh has none.
-fn colours(source: &ClusterSource, partition: &Partition) -> Result<Vec<[u8; 4]>> {
+fn colours(source: &ClusterSource, partition: &Partition, range: ColourRange) -> Result<Vec<[u8; 4]>> {
     let Some(colours) = &partition.numbering.colours else { return Ok(Vec::new()) };
     let of_vertex = |colour: [f32; 3]| {
         if colour[0].is_nan() {
             return [0; 4];
         }
-        let [red, green, blue] = colour.map(|channel| (255.0 * channel.clamp(0.0, 1.0)).round() as u8);
+        let [red, green, blue] = range.bytes(colour);
         [red, green, blue, 255]
     };
     Ok(reading::gather(colours, source.loaded_vertices())?.into_iter().map(of_vertex).collect())

@@ -187,6 +187,12 @@ fn colours_of_vertices_are_baked() {
 }
 
 #[test]
+fn colours_of_vertices_from_0_to_255_are_baked() {
+    let text = row(&["", ""], &["200 40 30", "1 0 128"], WHOLE);
+    assert_near(&baked_row("", &text, 2), &[[200.0, 40.0, 30.0], [1.0, 0.0, 128.0]]);
+}
+
+#[test]
 fn the_two_sides_of_a_wall_do_not_mix() {
     let mtl = "newmtl halves\nmap_Kd halves.png\n";
     let uv = |at: f64| [[at, 0.2], [at + 0.2, 0.2], [at + 0.2, 0.8], [at, 0.8]];

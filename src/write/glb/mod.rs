@@ -38,7 +38,7 @@ use super::sink::{MeshSink, ResultMesh};
 use crate::base::error::escape_path;
 use crate::base::id::TiVec;
 use crate::base::{Error, Findings, Result, bytes};
-use crate::model::StoredMesh;
+use crate::model::{ColourRange, StoredMesh};
 use crate::os::content::Content;
 
 /// Bytes before a chunk, and before the first one.
@@ -135,7 +135,7 @@ impl MeshSink for GlbSink {
         let origin = origin_of(mesh);
         let mut counter = PrimitiveCounter {
             sizes: vec![PrimitiveSize::default(); primitives.list.len()].into(),
-            brightest: 0.0,
+            range: ColourRange::default(),
             uncoloured: 0,
         };
         CornerSweep::new(mesh, &primitives, origin, false)?.run(&mut counter)?;
@@ -160,8 +160,7 @@ impl MeshSink for GlbSink {
             )?,
             faces: Grouping::new(counts(|size| size.faces), 3, share / 2, &file("write-faces.tmp"))?,
             form,
-            // Channels are shares of 1, or of 255 already.
-            channel_scale: if counter.brightest > 1.0 { 1.0 / 255.0 } else { 1.0 },
+            channel_scale: 1.0 / counter.range.white(),
             record: Vec::new(),
         };
         let mut sweep = CornerSweep::new(mesh, primitives, origin, form.normals)?;
@@ -232,8 +231,8 @@ fn origin_of(mesh: &StoredMesh) -> DVec3 {
 /// Counts what primitives have.
 struct PrimitiveCounter {
     sizes: TiVec<PrimitiveId, PrimitiveSize>,
-    /// Largest channel of a colour.
-    brightest: f32,
+    /// The range of the colours.
+    range: ColourRange,
     uncoloured: u64,
 }
 
@@ -244,7 +243,7 @@ impl TakeCorners for PrimitiveCounter {
         size.low = size.low.min(vertex.position);
         size.high = size.high.max(vertex.position);
         match vertex.colour {
-            Some(colour) => self.brightest = colour.into_iter().fold(self.brightest, f32::max),
+            Some(colour) => self.range = self.range.with(&[colour]),
             None => self.uncoloured += 1,
         }
         Ok(())

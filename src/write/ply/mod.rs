@@ -30,10 +30,10 @@ use crate::base::ordered::map_within;
 use crate::base::{Findings, Result};
 use crate::file::float::fits_float;
 use crate::file::{PackedColumn, Segment};
-use crate::model::StoredPiece;
 use crate::model::corners::FaceReader;
 use crate::model::id::{MeshVertex, PieceTexcoord};
 use crate::model::stored_mesh::PieceNumbering;
+use crate::model::{ColourRange, StoredPiece};
 use crate::os::content::Content;
 
 /// Number of records formatted at once.
@@ -58,8 +58,8 @@ struct VertexForm {
     /// Whether positions are doubles.
     is_double: bool,
     has_normals: bool,
-    /// What a channel is multiplied with, if there are colours.
-    channel_scale: Option<f32>,
+    /// The range of the colours, if there are any.
+    colours: Option<ColourRange>,
 }
 
 /// Positions, colours and normals of a range of vertices.
@@ -97,7 +97,7 @@ impl PlySink {
 
     /// Finds out what the records need.
     fn choose_form(&self, result: &ResultMesh<'_>) -> Result<VertexForm> {
-        let (mut is_double, mut brightest): (bool, Option<f32>) = (false, None);
+        let (mut is_double, mut colours): (bool, Option<ColourRange>) = (false, None);
         let used = &result.usage.vertices;
         map_within(
             result.share,
@@ -109,24 +109,21 @@ impl PlySink {
                 let of_used = (0..).zip(&positions).filter(|&(i, _)| used.contains(first.plus(i)));
                 let is_double = of_used.flat_map(|(_, p)| p.to_array()).any(|x| x.is_finite() && !fits_float(x));
                 let colours = run.colours.map(|column| column.window(run.range)).transpose()?;
-                let brightest = colours.map(|colours| colours.iter().flatten().fold(0.0f32, |most, &c| most.max(c)));
-                Ok((is_double, brightest))
+                Ok((is_double, colours.map(|colours| ColourRange::default().with(&colours))))
             },
-            |(is_double_here, brightest_here): (bool, Option<f32>)| {
+            |(is_double_here, colours_here): (bool, Option<ColourRange>)| {
                 is_double |= is_double_here;
-                if let Some(here) = brightest_here {
-                    brightest = Some(here.max(brightest.unwrap_or(0.0)));
+                if let Some(here) = colours_here {
+                    colours = Some(here.joined(colours.unwrap_or_default()));
                 }
                 Ok(())
             },
         )?;
-        // Channels are shares of 1, or of 255 already.
-        let channel_scale = brightest.map(|most| if most > 1.0 { 1.0 } else { 255.0 });
-        Ok(VertexForm { is_double, has_normals: result.form.normals, channel_scale })
+        Ok(VertexForm { is_double, has_normals: result.form.normals, colours })
     }
 
     fn header(&self, result: &ResultMesh<'_>) -> Vec<u8> {
-        let VertexForm { is_double, has_normals, channel_scale } = self.form;
+        let VertexForm { is_double, has_normals, colours } = self.form;
         let mut lines = vec!["ply".to_owned(), "format binary_little_endian 1.0".to_owned()];
         lines.push(format!("comment drystone {}", env!("CARGO_PKG_VERSION")));
         let mut text = (lines.join("\n") + "\n").into_bytes();
@@ -141,7 +138,7 @@ impl PlySink {
         if has_normals {
             lines.extend(["nx", "ny", "nz"].map(|name| format!("property float {name}")));
         }
-        if channel_scale.is_some() {
+        if colours.is_some() {
             lines.extend(["red", "green", "blue"].map(|name| format!("property uchar {name}")));
         }
         lines.push(format!("element face {}", result.mesh.face_count()));
@@ -313,11 +310,10 @@ fn vertex_records(
         if let Some(normal) = normals.get(i) {
             normal.to_array().iter().for_each(|&x| out.extend_from_slice(&(x as f32).to_le_bytes()));
         }
-        if let Some(scale) = form.channel_scale {
+        if let Some(range) = form.colours {
             let colour = colours.as_ref().map(|colours| colours[i]).filter(|colour| !colour.iter().any(|c| c.is_nan()));
             uncoloured += u64::from(colour.is_none());
-            let channel = |c: f32| (c * scale).round().clamp(0.0, 255.0) as u8;
-            out.extend(colour.map_or([255; 3], |colour| colour.map(channel)));
+            out.extend(colour.map_or([255; 3], |colour| range.bytes(colour)));
         }
     }
     Ok((out, non_finite, uncoloured))
