@@ -1,6 +1,6 @@
 //! The manifest of a job: its inputs and the options that shape its result.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::OpenOptions;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -141,9 +141,13 @@ impl Manifest {
         };
         differ("the input", &given(self), &given(new));
         match (fields(&self.options), fields(&new.options)) {
-            (Some(old), Some(new)) => new.iter().for_each(|(name, value)| {
-                differ(name, old.get(name).map_or(NOT_GIVEN, String::as_str), value);
-            }),
+            (Some(old), Some(new)) => {
+                // What the earlier job alone has is a difference, too.
+                for name in old.keys().chain(new.keys()).collect::<BTreeSet<_>>() {
+                    let [old, new] = [&old, &new].map(|fields| fields.get(name).map_or(NOT_GIVEN, String::as_str));
+                    differ(name, old, new);
+                }
+            }
             _ => differ("the job", &self.options, &new.options),
         }
         let count = |manifest: &Self| counted(manifest.inputs.len() as u64, "file");

@@ -5,10 +5,13 @@
 //!            ├── read ──┤                                                 ├─▶ bake ──▶ mesh with new textures
 //! mesh ──────┘          └── piece of the mesh ────────────────────────────╯
 //! ```
-//! In: the files of both, read as one input, so that a job is resumed only if none of them has changed. Out: the mesh with
-//! its faces as they are, and new texture coordinates. Invariant: as for [`simplify`](super::simplify).
+//! In: the files of both, read as one input, so that a job is resumed only if none of them has changed, and the mesh is
+//! the same one. Out: the mesh with its faces as they are, and new texture coordinates. Invariant: as for
+//! [`simplify`](super::simplify).
 
 use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value};
 
 use super::admission::Admission;
 use super::input;
@@ -42,8 +45,9 @@ pub fn bake_onto(
     let options = SimplifyOptions { target: Target::ratio(1.0), textures: TextureFiles::Bake, ..options.clone() };
     let mut choice = original;
     choice.paths.push(mesh.to_owned());
-    let preflight = Preflight::check(choice, output, &options)?;
+    let mut preflight = Preflight::check(choice, output, &options)?;
     let number = number_of(mesh, &preflight.inputs)?;
+    preflight.manifest.options = with_mesh(&preflight.manifest.options, mesh, number);
     preflight.run(progress, |work| run(&preflight, number, work, progress))
 }
 
@@ -54,6 +58,15 @@ fn number_of(mesh: &Path, inputs: &[PathBuf]) -> Result<usize> {
     number
         .filter(|_| inputs.len() > 1)
         .ok_or_else(|| Error::Usage(format!("{}: expected a file that is not all of the original", escape_path(mesh))))
+}
+
+/// The options that shape the result, with the mesh as one more: the input files, in the order of their paths, do not
+/// say which of them it is.
+fn with_mesh(options: &str, mesh: &Path, number: usize) -> String {
+    let mut shaping: Map<String, Value> = serde_json::from_str(options).unwrap_or_default();
+    let name = mesh.file_name().map(Path::new).unwrap_or(mesh);
+    shaping.insert("mesh".into(), format!("file {} of the input, {}", number + 1, escape_path(name)).into());
+    Value::Object(shaping).to_string()
 }
 
 /// Reads both, and gives the file of this number new textures.

@@ -4,7 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use drystone::options::{Limits, SimplifyOptions, TextureFiles};
-use drystone::{Error, Progress, Silent, bake_textures};
+use drystone::read::InputChoice;
+use drystone::{Error, Progress, Silent, Target, bake_textures, pipeline};
 
 use crate::bake::compared;
 use crate::meshes::{StopAfter, contents, copy_town, ratio, simplify, town};
@@ -29,6 +30,15 @@ impl Job {
         fs::create_dir_all(self.path(to)).unwrap();
         let output = self.path(to).join("out.obj");
         bake_textures(self.path("in/town.obj"), self.path("coarse.obj"), output, options, progress).map(drop)
+    }
+
+    /// Bakes to `out` until the job has recorded something.
+    fn stop_midway(&self, options: &SimplifyOptions) {
+        let stopped = (20..).step_by(10).find(|&units| {
+            matches!(self.bake("out", options, &StopAfter::units(units)), Err(Error::Stopped))
+                && self.path("out/out.obj.work/journal.bin").metadata().is_ok_and(|journal| journal.len() > 500)
+        });
+        assert!(stopped.is_some());
     }
 }
 
@@ -78,11 +88,20 @@ fn stops_and_threads_leave_no_trace() {
 fn a_mesh_that_changed_is_noticed_and_files_stay() {
     let job = Job::new();
     let options = SimplifyOptions { atlas: 512, ..SimplifyOptions::default() };
-    let stopped = (20..).step_by(10).find(|&units| {
-        matches!(job.bake("out", &options, &StopAfter::units(units)), Err(Error::Stopped))
-            && job.path("out/out.obj.work/journal.bin").metadata().is_ok_and(|journal| journal.len() > 500)
-    });
-    assert!(stopped.is_some());
+    job.stop_midway(&options);
+    // Mesh and original swapped, and the same files without a mesh among them.
+    let output = job.path("out/out.obj");
+    let swapped = bake_textures(job.path("coarse.obj"), job.path("in/town.obj"), &output, &options, &Silent);
+    let message = swapped.unwrap_err().to_string();
+    assert!(
+        message.contains("`mesh` was file 1 of the input, coarse.obj, is file 2 of the input, town.obj"),
+        "{message}"
+    );
+    let paths = vec![job.path("coarse.obj"), job.path("in/town.obj")];
+    let both = InputChoice { paths, ..InputChoice::default() };
+    let alike = SimplifyOptions { target: Target::ratio(1.0), textures: TextureFiles::Bake, ..options.clone() };
+    let simplified = pipeline::simplify(both, &output, &alike, &Silent);
+    assert!(matches!(simplified, Err(Error::Changed(_))), "{simplified:?}");
     let text = fs::read_to_string(job.path("coarse.obj")).unwrap();
     fs::write(job.path("coarse.obj"), text.replacen("v ", "v 1", 1)).unwrap();
     assert!(matches!(job.bake("out", &options, &Silent), Err(Error::Changed(_))));
