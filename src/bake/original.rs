@@ -92,6 +92,8 @@ pub struct Original {
     pub surface: SurfaceCells,
     pub(super) images: TiVec<ImageId, Option<StoredImage>>,
     plain: Vec<[u8; 3]>,
+    /// The plain colour that shows instead of each image, where that could not be decoded.
+    instead: TiVec<ImageId, Option<[u8; 3]>>,
     /// Pixels of each image in its file.
     pixels: TiVec<ImageId, f64>,
     /// Length of a texel's side, half of the surface that shows images has longer ones; what has no image counts as if
@@ -115,6 +117,7 @@ impl Recalled for Original {
         self.surface.is_sound()
             && self.images.iter().flatten().all(StoredImage::is_sound)
             && self.pixels.len() == self.images.len()
+            && self.instead.len() == self.images.len()
     }
 }
 
@@ -188,6 +191,7 @@ impl Original {
         };
         Self {
             pixels: images.iter().map(pixels).collect(),
+            instead: vec![None; images.len()].into(),
             images,
             plain: Vec::new(),
             median_texel: texel,
@@ -222,6 +226,7 @@ impl Original {
         let mut original = Self {
             images: vec![None; images.files.len()].into(),
             plain: images.plain.clone(),
+            instead: images.plain_of_files(),
             pixels: vec![0.0; images.files.len()].into(),
             median_texel: 0.0,
             area: surface.area(),
@@ -245,12 +250,12 @@ impl Original {
     }
 
     /// What an id stands for.
+    #[inline]
     pub fn source(&self, image: ImageId) -> TexelSource<'_> {
         if let Some(Some(stored)) = self.images.get(image) {
             return TexelSource::Image(stored);
         }
-        let plain = image.index().checked_sub(self.images.len()).and_then(|number| self.plain.get(number));
-        plain.map_or(TexelSource::Nothing, |&colour| TexelSource::Plain(colour))
+        self.plain_colour(image).map_or(TexelSource::Nothing, TexelSource::Plain)
     }
 
     /// A reader of its images.
@@ -272,11 +277,11 @@ impl Original {
     /// What a triangle of a cell shows.
     pub(super) fn shown(&self, view: &CellView, face: u32) -> Shown {
         let CellFace { vertices, image, texcoords } = view.faces[face as usize];
-        let plain = self.plain_colour(image);
-        if image != ImageId::NONE && plain.is_none() {
+        if let TexelSource::Image(_) = self.source(image) {
             let repeats = texcoords.iter().flatten().any(|&at| at > 1.0);
             return Shown::Image(image, texcoords, if repeats { Beyond::Repeat } else { Beyond::Edge });
         }
+        let plain = self.plain_colour(image).map(|colour| Vec3::from_array(colour.map(f32::from)));
         let [a, b, c] = vertices.map(|vertex| view.colours.get(vertex as usize).copied());
         match (a.zip(b).zip(c), plain) {
             (Some(((a, b), c)), plain) => Shown::Vertices([a, b, c], plain),
@@ -309,11 +314,13 @@ impl Original {
         Ok(lengths.quantile(0.5).unwrap_or(if without.is_normal() { without } else { 1.0 }))
     }
 
-    /// The plain colour that an id stands for.
+    /// The plain colour that an id stands for, or that shows instead of its image.
     #[inline]
-    pub(super) fn plain_colour(&self, image: ImageId) -> Option<Vec3> {
-        let number = image.index().checked_sub(self.images.len())?;
-        self.plain.get(number).map(|colour| Vec3::from_array(colour.map(f32::from)))
+    fn plain_colour(&self, image: ImageId) -> Option<[u8; 3]> {
+        match image.index().checked_sub(self.images.len()) {
+            Some(number) => self.plain.get(number).copied(),
+            None => self.instead[image],
+        }
     }
 }
 

@@ -40,15 +40,22 @@ pub struct TextureImages {
     pub of_part: TiVec<PartId, ImageId>,
     /// Where the image of each part lies, if an option of its statement moves it.
     placements: TiVec<PartId, Option<ImagePlacement>>,
-    /// Number of the plain colours that parts without an image show; their ids follow those of the images.
+    /// The plain colours (`Kd`) of parts; their ids follow those of the images.
     pub plain: Vec<[u8; 3]>,
+    /// Id of the plain colour of each part, or none: what shows where the image of the part does not.
+    plain_of_part: TiVec<PartId, ImageId>,
 }
 
 impl TextureImages {
     /// No image for any part.
     pub fn none(catalogue: &Catalogue) -> Self {
         let parts = catalogue.parts.len();
-        Self { of_part: vec![ImageId::NONE; parts].into(), placements: vec![None; parts].into(), ..Self::default() }
+        Self {
+            of_part: vec![ImageId::NONE; parts].into(),
+            placements: vec![None; parts].into(),
+            plain_of_part: vec![ImageId::NONE; parts].into(),
+            ..Self::default()
+        }
     }
 
     /// Finds the diffuse images (`map_Kd`) of a catalogue's materials; adds a finding for each missing one.
@@ -81,22 +88,44 @@ impl TextureImages {
             ImagePlacement::of(diffuse_image(definition)?)
         };
         images.placements = catalogue.parts.iter().map(placement_of).collect();
+        images.plain_of_part = vec![ImageId::NONE; catalogue.parts.len()].into();
         images
     }
 
-    /// Gives each part without an image the plain colour of its material (`Kd`), as an image of its own.
+    /// Gives each part the plain colour of its material (`Kd`), as an image of its own: instead of one if it has none.
     pub fn add_plain_colours(&mut self, catalogue: &Catalogue) {
+        let Self { files, of_part, plain, plain_of_part, .. } = self;
         let mut known: BTreeMap<[u8; 3], ImageId> = BTreeMap::new();
-        for (part, image) in catalogue.parts.iter().zip(&mut self.of_part) {
+        for (id, part) in catalogue.parts.iter_enumerated() {
             let definition = part.material.and_then(|material| catalogue.materials[material].definition.as_ref());
-            let Some(colour) = definition.and_then(diffuse_colour).filter(|_| *image == ImageId::NONE) else {
-                continue;
-            };
-            *image = *known.entry(colour).or_insert_with(|| {
-                self.plain.push(colour);
-                ImageId::from(self.files.len() + self.plain.len() - 1)
+            let Some(colour) = definition.and_then(diffuse_colour) else { continue };
+            plain_of_part[id] = *known.entry(colour).or_insert_with(|| {
+                plain.push(colour);
+                ImageId::from(files.len() + plain.len() - 1)
             });
+            if of_part[id] == ImageId::NONE {
+                of_part[id] = plain_of_part[id];
+            }
         }
+    }
+
+    /// Id of the plain colour of a part, or none.
+    #[inline]
+    pub fn plain_of(&self, part: PartId) -> ImageId {
+        self.plain_of_part[part]
+    }
+
+    /// The plain colour of each image: what shows if it cannot be decoded.
+    pub fn plain_of_files(&self) -> TiVec<ImageId, Option<[u8; 3]>> {
+        let mut plain: TiVec<ImageId, Option<[u8; 3]>> = vec![None; self.files.len()].into();
+        for (part, &image) in self.of_part.iter_enumerated() {
+            // NOTE: of several materials with one image, the first that has a colour counts for all: a triangle knows
+            // its image, and no material.
+            if let Some(colour) = plain.get_mut(image).filter(|colour| colour.is_none()) {
+                *colour = self.plain_colour(self.plain_of_part[part]);
+            }
+        }
+        plain
     }
 
     /// The plain colour that an id stands for; `None` for an image.
@@ -178,12 +207,7 @@ mod tests {
             fs::write(folder.join(name), content).unwrap();
             TextureImage { path: folder.join(name), name: name.as_bytes().to_vec() }
         };
-        TextureImages {
-            files: files.iter().map(image).collect(),
-            of_part: TiVec::new(),
-            placements: TiVec::new(),
-            plain: Vec::new(),
-        }
+        TextureImages { files: files.iter().map(image).collect(), ..TextureImages::default() }
     }
 
     #[test]

@@ -231,17 +231,14 @@ impl CellMaker<'_> {
         CellDraft::new(source.origin, mesh.positions.raw.clone(), &faces, colours)
     }
 
-    /// Texture image and texture coordinates of a face.
+    /// Texture image and texture coordinates of a face; its part's plain colour if it has no texture coordinates.
     fn texture(&self, source: &ClusterSource, face: FaceId) -> (ImageId, [[f32; 2]; 3]) {
         let part = source.mesh.parts[face];
         let image = self.images.of_part[part];
         let [a, b, c] = source.mesh.uv_triangle(face).map(|uv| self.images.placed(part, uv));
         let low = a.min(b).min(c).floor();
-        if self.images.plain_colour(image).is_some() {
-            return (image, [[0.0; 2]; 3]);
-        }
-        if image == ImageId::NONE || !(a + b + c).is_finite() {
-            return (ImageId::NONE, [[0.0; 2]; 3]);
+        if image == ImageId::NONE || !(a + b + c).is_finite() || self.images.plain_colour(image).is_some() {
+            return (self.images.plain_of(part), [[0.0; 2]; 3]);
         }
         (image, [a, b, c].map(|uv| (uv - low).as_vec2().to_array()))
     }

@@ -95,6 +95,7 @@ fn baked_row(mtl: &str, text: &str, squares: usize) -> Vec<[f64; 3]> {
         .unwrap();
     image::RgbImage::from_pixel(32, 32, image::Rgb([40, 160, 60])).save(path("green.png")).unwrap();
     fs::write(path("a.mtl"), mtl).unwrap();
+    fs::write(path("bad.png"), "no image").unwrap();
     fs::write(path("in.obj"), text).unwrap();
     let run = simplify(&path("in.obj"), &baked(ratio(1.0)));
     colours_of_row(run.folder(), squares)
@@ -193,6 +194,17 @@ fn colours_of_vertices_from_0_to_255_are_baked() {
 }
 
 #[test]
+fn the_colour_of_a_material_shows_where_its_image_does_not() {
+    let mtl = "newmtl green\nKd 1 0 0\nmap_Kd green.png\nnewmtl bad\nKd 0.2 0.4 0.6\nmap_Kd bad.png\n\
+               newmtl missing\nKd 0 0 1\nmap_Kd missing.png\n";
+    let squares = ["usemtl green", "usemtl bad", "usemtl bad", "usemtl missing"];
+    // The first without texture coordinates, the third with colours of vertices.
+    let text = row(&squares, &["", "", "0 1 0"], WHOLE).replacen("f 1/1 2/2 3/3 4/4", "f 1 2 3 4", 1);
+    let expected = [[255.0, 0.0, 0.0], [51.0, 102.0, 153.0], [0.0, 255.0, 0.0], [0.0, 0.0, 255.0]];
+    assert_near(&baked_row(mtl, &text, 4), &expected);
+}
+
+#[test]
 fn the_two_sides_of_a_wall_do_not_mix() {
     let mtl = "newmtl halves\nmap_Kd halves.png\n";
     let uv = |at: f64| [[at, 0.2], [at + 0.2, 0.2], [at + 0.2, 0.8], [at, 0.8]];
@@ -255,6 +267,8 @@ fn a_damaged_image_costs_its_colours_alone() {
     let roof = folder.path().join("in/roof.jpg");
     let bytes = fs::read(&roof).unwrap();
     fs::write(&roof, &bytes[..60]).unwrap();
+    let mtl = fs::read_to_string(folder.path().join("in/town.mtl")).unwrap();
+    fs::write(folder.path().join("in/town.mtl"), mtl.replace("Kd 1 1 1\n", "\n")).unwrap();
     let run = simplify(&folder.path().join("in/town.obj"), &baked(ratio(0.3)));
     assert_eq!(run.report.repairs.get("unreadable_image"), Some(&1));
     assert!(run.report.bake.unwrap().colourless > 0);
