@@ -258,6 +258,16 @@ impl Original {
         self.plain_colour(image).map_or(TexelSource::Nothing, TexelSource::Plain)
     }
 
+    /// Where the colours of a triangle of a cell come from: those of its vertices come before a plain one.
+    pub fn source_of(&self, view: &CellView, face: u32) -> TexelSource<'_> {
+        let CellFace { vertices, image, .. } = view.faces[face as usize];
+        let is_coloured = |vertex: u32| view.colours.get(vertex as usize).is_some_and(|colour| colour[3] > 0);
+        match self.source(image) {
+            TexelSource::Plain(_) if vertices.into_iter().any(is_coloured) => TexelSource::Nothing,
+            source => source,
+        }
+    }
+
     /// A reader of its images.
     pub fn reader(&self) -> TexelReader<'_> {
         TexelReader::new(&self.images)

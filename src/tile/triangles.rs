@@ -27,7 +27,7 @@ pub struct LevelTriangles<'a> {
 pub struct LevelTriangle {
     /// Positions of its corners, relative to the origin of the scene, and texture coordinates.
     pub corners: [(DVec3, DVec2); 3],
-    /// What it shows; none in a level that does not keep its texels.
+    /// What it shows; none if that is the colours of its vertices, and in a level that does not keep its texels.
     pub image: ImageId,
     /// Texels on a unit of its area.
     pub density: f64,
@@ -52,16 +52,16 @@ impl LevelTriangles<'_> {
             };
             if let Some(original) = self.original {
                 let face = view.faces[number as usize];
-                triangle.image = face.image;
-                triangle.density = match original.source(face.image) {
+                (triangle.image, triangle.density) = match original.source_of(&view, number) {
                     TexelSource::Image(image) => {
                         let texels: f64 = image.size().map(f64::from).iter().product();
                         let density = texture_area(face.texcoords) * texels / area(corners);
                         // What has no area on the lattice shows nothing.
-                        if density.is_finite() { density } else { 0.0 }
+                        (face.image, if density.is_finite() { density } else { 0.0 })
                     }
-                    TexelSource::Plain(_) => 0.0,
-                    TexelSource::Nothing => usual,
+                    TexelSource::Plain(_) => (face.image, 0.0),
+                    // Its tile is baked: there is nothing to copy.
+                    TexelSource::Nothing => (ImageId::NONE, usual),
                 };
                 for (corner, texcoord) in triangle.corners.iter_mut().zip(face.texcoords) {
                     corner.1 = DVec2::from(texcoord.map(f64::from));

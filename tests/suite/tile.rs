@@ -166,6 +166,39 @@ fn the_finest_level_shows_the_texels_of_the_input() {
 }
 
 #[test]
+fn colours_of_vertices_come_before_that_of_their_material() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("in.obj");
+    fs::write(folder.path().join("a.mtl"), "newmtl a\nKd 0.8 0.6 0.4\n").unwrap();
+    // Two squares, the first with colours.
+    let mut text = "mtllib a.mtl\nusemtl a\n".to_owned();
+    for (left, colour) in [(0, "1 0 0"), (2, "")] {
+        for [x, y] in [[0, 0], [1, 0], [1, 1], [0, 1]] {
+            text += &format!("v {} {y} 0 {colour}\n", left + x);
+        }
+        text += "f -4 -3 -2 -1\n";
+    }
+    fs::write(&input, text).unwrap();
+    let output = folder.path().join("out");
+    tile(&input, &output, &small()).unwrap();
+    let origin = tiles_of(&output)[0].0["transform"][12].as_f64().unwrap();
+    let mut seen = [0; 2];
+    for file in fs::read_dir(output.join("0")).unwrap() {
+        let glb = Glb::read(&file.unwrap().path());
+        let image = image::load_from_memory(glb.image(0).0).unwrap().into_rgb8();
+        for triangle in glb.triangles() {
+            let x = origin + triangle.positions.iter().sum::<DVec3>().x / 3.0;
+            let shown: DVec2 = triangle.texcoords.unwrap().iter().sum::<DVec2>() / 3.0;
+            let [u, v] = [shown.x * f64::from(image.width()), (1.0 - shown.y) * f64::from(image.height())];
+            let square = usize::from(x > 1.5);
+            assert_eq!(image.get_pixel(u as u32, v as u32).0, [[255, 0, 0], [204, 153, 102]][square], "{x}");
+            seen[square] += 1;
+        }
+    }
+    assert!(seen[0] > 1 && seen[1] > 1, "{seen:?}");
+}
+
+#[test]
 fn the_bytes_depend_on_neither_threads_nor_memory_nor_stops() {
     let folder = tempfile::tempdir().unwrap();
     let run = |name: &str, threads: usize, memory: u64| {
