@@ -115,28 +115,11 @@ impl Grid {
 
     /// Takes the cells that a triangle touches.
     fn touch(&mut self, corners: [DVec2; 3]) {
-        let corners = corners.map(|corner| corner / f64::from(CELL));
-        let rows = corners.iter().fold([f64::INFINITY, 0.0], |[low, high], at| [at.y.min(low), at.y.max(high)]);
-        for row in rows[0] as usize..=(rows[1] as usize).min(self.size[1] - 1) {
-            // Of the part between the row's upper and lower edge, the first and the last column.
-            let band = [row as f64, row as f64 + 1.0];
-            let mut span = [f64::INFINITY, f64::NEG_INFINITY];
-            for k in 0..3 {
-                let (from, to) = (corners[k], corners[(k + 1) % 3]);
-                let [enter, leave] = band.map(|edge| (edge - from.y) / (to.y - from.y));
-                let [enter, leave] = if enter <= leave { [enter, leave] } else { [leave, enter] };
-                let is_level = from.y == to.y && (band[0]..=band[1]).contains(&from.y);
-                let shares = if is_level { [0.0, 1.0] } else { [enter.max(0.0), leave.min(1.0)] };
-                if shares[0] <= shares[1] {
-                    let ends = shares.map(|share| from.x + (to.x - from.x) * share);
-                    span = [span[0].min(ends[0]).min(ends[1]), span[1].max(ends[0]).max(ends[1])];
-                }
-            }
-            if span[0] <= span[1] {
-                let last = (span[1] as usize).min(self.size[0] - 1);
-                self.take(row, (span[0] as usize).min(last)..last + 1);
-            }
-        }
+        let [width, height] = self.size;
+        touched_rows(corners.map(|corner| corner / f64::from(CELL)), height, |row, [low, high]| {
+            let last = (high as usize).min(width - 1);
+            self.take(row, (low as usize).min(last)..last + 1);
+        });
     }
 
     /// With the cells that are at most `steps` columns and rows away.
@@ -155,6 +138,31 @@ impl Grid {
             }
         }
         grown
+    }
+}
+
+/// Passes each of `row_count` rows, one unit high, that a triangle touches to `take`, with where the part of the
+/// triangle in it begins and ends.
+pub fn touched_rows(corners: [DVec2; 3], row_count: usize, mut take: impl FnMut(usize, [f64; 2])) {
+    let rows = corners.iter().fold([f64::INFINITY, 0.0], |[low, high], at| [at.y.min(low), at.y.max(high)]);
+    for row in rows[0] as usize..=(rows[1] as usize).min(row_count - 1) {
+        // Of the part between the row's upper and lower edge, the first and the last place.
+        let band = [row as f64, row as f64 + 1.0];
+        let mut span = [f64::INFINITY, f64::NEG_INFINITY];
+        for k in 0..3 {
+            let (from, to) = (corners[k], corners[(k + 1) % 3]);
+            let [enter, leave] = band.map(|edge| (edge - from.y) / (to.y - from.y));
+            let [enter, leave] = if enter <= leave { [enter, leave] } else { [leave, enter] };
+            let is_level = from.y == to.y && (band[0]..=band[1]).contains(&from.y);
+            let shares = if is_level { [0.0, 1.0] } else { [enter.max(0.0), leave.min(1.0)] };
+            if shares[0] <= shares[1] {
+                let ends = shares.map(|share| from.x + (to.x - from.x) * share);
+                span = [span[0].min(ends[0]).min(ends[1]), span[1].max(ends[0]).max(ends[1])];
+            }
+        }
+        if span[0] <= span[1] {
+            take(row, span);
+        }
     }
 }
 

@@ -25,6 +25,7 @@ mod types;
 
 pub use self::flat::FlatChart;
 pub use self::image_size::{GUTTER, ImageSize};
+pub use self::mask::touched_rows;
 pub use self::pack::{pack, room};
 pub use self::types::{ChartRoom, PlacedChart, TexelRow, Triangles, UnwrapSettings, Unwrapped};
 

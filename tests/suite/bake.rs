@@ -7,7 +7,7 @@ use drystone::measure::compare::{CompareOptions, Comparison, Resources, Spread, 
 use drystone::options::{ImageFormat, JobOptions, Limits, ResumeChoice, SimplifyOptions, TextureFiles};
 use drystone::{Error, ErrorKind, Progress, Silent, pipeline, plan};
 
-use crate::meshes::{StopAfter, contents, copy_town, in_many_clusters, ratio, simplify, status, town};
+use crate::meshes::{Run, StopAfter, contents, copy_town, in_many_clusters, ratio, simplify, status, town};
 
 fn baked(options: SimplifyOptions) -> SimplifyOptions {
     SimplifyOptions { textures: TextureFiles::Bake, ..options }
@@ -87,6 +87,11 @@ const WHOLE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
 
 /// Bakes a row, and returns the colours of its squares.
 fn baked_row(mtl: &str, text: &str, squares: usize) -> Vec<[f64; 3]> {
+    colours_of_row(bake_row(mtl, text).folder(), squares)
+}
+
+/// Bakes a row.
+fn bake_row(mtl: &str, text: &str) -> Run {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     // Left half red, right half blue.
@@ -97,8 +102,7 @@ fn baked_row(mtl: &str, text: &str, squares: usize) -> Vec<[f64; 3]> {
     fs::write(path("a.mtl"), mtl).unwrap();
     fs::write(path("bad.png"), "no image").unwrap();
     fs::write(path("in.obj"), text).unwrap();
-    let run = simplify(&path("in.obj"), &baked(ratio(1.0)));
-    colours_of_row(run.folder(), squares)
+    simplify(&path("in.obj"), &baked(ratio(1.0)))
 }
 
 fn assert_near(found: &[[f64; 3]], expected: &[[f64; 3]]) {
@@ -202,6 +206,23 @@ fn the_colour_of_a_material_shows_where_its_image_does_not() {
     let text = row(&squares, &["", "", "0 1 0"], WHOLE).replacen("f 1/1 2/2 3/3 4/4", "f 1 2 3 4", 1);
     let expected = [[255.0, 0.0, 0.0], [51.0, 102.0, 153.0], [0.0, 255.0, 0.0], [0.0, 0.0, 255.0]];
     assert_near(&baked_row(mtl, &text, 4), &expected);
+}
+
+#[test]
+fn a_chart_thinner_than_a_texel_shows_its_colours_along_all_of_it() {
+    let red = [[0.1, 0.2], [0.4, 0.2], [0.4, 0.8], [0.1, 0.8]];
+    let mut text = row(&["usemtl halves"], &[], red);
+    text += "v 2 0 0\nv 3 0 0\nv 2.5 0.0005 0\nvt 0.6 0.5\nvt 0.9 0.5\nvt 0.7 0.7\nf 5/5 6/6 7/7\n";
+    let run = bake_row("newmtl halves\nmap_Kd halves.png\n", &text);
+    let (image, triangles) = shown_by_row(run.folder());
+    let (_, corners) = triangles.into_iter().find(|(square, _)| *square == 1).unwrap();
+    for (from, to) in [(0, 1), (1, 2), (2, 0)].map(|(from, to)| (corners[from], corners[to])) {
+        for step in 0..=16 {
+            let [x, y] = [0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * f64::from(step) / 16.0);
+            let found = image.get_pixel(x as u32, y as u32).0.map(f64::from);
+            assert_near(&[found], &[[10.0, 30.0, 200.0]]);
+        }
+    }
 }
 
 #[test]
