@@ -5,6 +5,7 @@ FOLDER/input-HASH.drystone      the arrays; HASH is that of their content
 FOLDER/image-HASH.png           each texture
 FOLDER/job/                     the work folder
 FOLDER/result-HASH.drystone     and the baked images beside it
+FOLDER/….HOST.PROCESS.partial   what that process of that machine writes
 ```
 Names follow from contents, so that two calls in one folder never write the same file with different contents: the second
 finds the work folder locked, or made for other arrays.
@@ -15,6 +16,8 @@ import hashlib
 import os
 import re
 import shutil
+import socket
+import sys
 import tempfile
 import zlib
 from collections.abc import Iterator
@@ -93,7 +96,7 @@ class ArrayJob:
     @contextmanager
     def _named(self, prefix: str, suffix: str) -> Iterator["_HashedFile"]:
         """A new file that is named for its content once it is complete."""
-        descriptor, partial = tempfile.mkstemp(f".{os.getpid()}.partial", prefix, self._folder)
+        descriptor, partial = tempfile.mkstemp(f".{_host()}.{os.getpid()}.partial", prefix, self._folder)
         try:
             with _as_errors(partial), open(descriptor, "wb") as file:
                 hashed = _HashedFile(file)
@@ -106,13 +109,12 @@ class ArrayJob:
         self._written.append(name)
 
     def _remove_stale(self) -> None:
-        """Removes what a process that was killed left half written."""
+        """Removes what a process of this machine that was killed left half written."""
+        of_host = re.compile(rf"(?:input|image)-\w+\.{re.escape(_host())}\.([0-9]+)\.partial")
         for name in os.listdir(self._folder):
-            stem, _, ending = name.rpartition(".")
-            process = stem.rpartition(".")[2]
-            if ending == "partial" and process.isdecimal() and name.startswith(("input-", "image-")):
-                if not _is_alive(int(process)):
-                    os.unlink(self.path(name))
+            partial = of_host.fullmatch(name)
+            if partial and not _is_alive(int(partial[1])):
+                os.unlink(self.path(name))
 
     def _remove_written(self) -> None:
         """Removes the files of the job, and the folders that it made and that are empty then."""
@@ -164,14 +166,42 @@ def _make_folder(folder: str) -> None:
     open(os.path.join(folder, _MADE), "w").close()
 
 
+def _host() -> str:
+    """Name of this machine, as a part of a file's name without dots."""
+    return re.sub("[^0-9A-Za-z-]", "-", socket.gethostname())
+
+
 def _is_alive(process: int) -> bool:
+    """Whether a process of this machine runs, or may run."""
+    if sys.platform == "win32":
+        return _is_alive_on_windows(process)
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
+    except (ProcessLookupError, OverflowError):
         return False
     except OSError:
         return True
     return True
+
+
+def _is_alive_on_windows(process: int) -> bool:
+    """As `_is_alive`. There, `os.kill` with 0 sends Ctrl-C."""
+    import ctypes
+
+    query, still_active, invalid_parameter = 0x1000, 259, 87
+    windows: Any = ctypes
+    kernel = windows.WinDLL("kernel32", use_last_error=True)
+    kernel.OpenProcess.restype = ctypes.c_void_p
+    handle = kernel.OpenProcess(query, False, ctypes.c_uint32(process))
+    if not handle:
+        # No process has this number; one that may not be looked at has another error.
+        return bool(windows.get_last_error() != invalid_parameter)
+    try:
+        code = ctypes.c_uint32()
+        has_code = kernel.GetExitCodeProcess(ctypes.c_void_p(handle), ctypes.byref(code))
+        return not has_code or code.value == still_active
+    finally:
+        kernel.CloseHandle(ctypes.c_void_p(handle))
 
 
 def _remove_if_empty(folder: str) -> None:

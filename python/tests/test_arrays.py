@@ -1,7 +1,12 @@
 """Meshes in arrays: the results of the command line, whatever form the arrays have."""
 
+import ctypes
+import os
 import struct
+import subprocess
+import sys
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +15,7 @@ from hypothesis import strategies as st
 
 import drystone
 from conftest import MINIATURES, TOWN, grid, read_obj
+from drystone import array_job
 from drystone.errors import InputError, UsageError
 
 OBJS = sorted(path.stem for path in MINIATURES.glob("*.obj"))
@@ -443,6 +449,57 @@ def test_files_of_others_in_the_work_folder_stay(tmp_path):
     (tmp_path / "empty").mkdir()
     drystone.simplify_mesh(vertices, faces, ratio=0.3, work=tmp_path / "empty")
     assert list((tmp_path / "empty").iterdir()) == []
+
+
+def test_half_written_files_of_dead_processes_of_this_machine_go(tmp_path):
+    (host,) = {name.split(".")[1] for name in half_written(tmp_path)}
+    with subprocess.Popen([sys.executable, "-c", ""]) as process:
+        dead = process.pid
+    alive = os.getpid()
+    names = {
+        f"input-ab_1.{host}.{dead}.partial": False,
+        f"image-ab_1.{host}.{dead}.partial": False,
+        f"input-ab_1.{host}.{alive}.partial": True,
+        f"input-ab_1.elsewhere.{dead}.partial": True,
+        f"input-ab_1.{dead}.partial": True,
+        f"notes.{host}.{dead}.partial": True,
+    }
+    for name in names:
+        (tmp_path / name).write_text("")
+    vertices, faces = grid(12)
+    drystone.simplify_mesh(vertices, faces, ratio=0.3, work=tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {name for name, stays in names.items() if stays}
+
+
+def half_written(folder):
+    """Names of the files in a folder while a job writes its input there."""
+    job = array_job.ArrayJob(folder)
+    with job._named("input-", ".drystone"):
+        names = [path.name for path in folder.iterdir()]
+    (path,) = folder.iterdir()
+    path.unlink()
+    return names
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="ctypes asks the system there")
+@pytest.mark.parametrize("handle, code, error, is_alive", [(0, 0, 87, False), (0, 0, 5, True), (7, 0, 0, False), (7, 259, 0, True)])
+def test_whether_a_process_runs_on_windows_is_asked_without_a_signal(monkeypatch, handle, code, error, is_alive):
+    closed = []
+
+    def exit_code(_, found):
+        found._obj.value = code
+        return 1
+
+    def open_process(*_):
+        return handle
+
+    kernel = SimpleNamespace(OpenProcess=open_process, GetExitCodeProcess=exit_code, CloseHandle=closed.append)
+    monkeypatch.setattr(ctypes, "WinDLL", lambda *_, **__: kernel, raising=False)
+    monkeypatch.setattr(ctypes, "get_last_error", lambda: error, raising=False)
+    monkeypatch.setattr(sys, "platform", "win32")
+    monkeypatch.setattr(os, "kill", lambda *_: pytest.fail("a signal"))
+    assert array_job._is_alive(4711) == is_alive
+    assert len(closed) == (handle > 0)
 
 
 def test_what_is_refused_leaves_nothing_in_the_work_folder(tmp_path):
