@@ -2,6 +2,9 @@
 //!
 //! In: the surface of the level, that of the input, and the tiles. Out: of each tile the distance within which 99 % of it
 //! lies from the input, and 99 % of the input in its node from the level, whichever is larger.
+//!
+//! # Memory
+//! 4 bytes for each point, 8 while they grow: 64 MiB at up to 160,000 tiles, then 400 bytes a tile.
 
 use glam::DVec3;
 
@@ -16,8 +19,12 @@ use crate::surface::cells::SurfaceCells;
 /// counts: with these it is known within one per cent, about.
 const SAMPLES_OF_TILE: u64 = 4000;
 const SAMPLES_OF_FAR_TILE: u64 = 20_000;
-/// At most this number in all, as each takes 4 bytes of memory, but never fewer a tile than at first.
+/// At most this number of the latter in all, as each takes 4 bytes of memory, but never fewer a tile than at first.
 const SAMPLES_MAX: u64 = 2_000_000;
+/// At most this number in all at first, which is less a tile from 4,195 tiles on, but never fewer a tile than the least.
+/// The number must not depend on the memory budget, as the errors do on it.
+const FIRST_SAMPLES_MAX: u64 = 1 << 24;
+const SAMPLES_OF_TILE_MIN: u64 = 100;
 /// Share of a texel from which a tile may lie farther, by the fewer points.
 const FAR: f64 = 0.9;
 /// Share of a surface that the distance holds for.
@@ -57,12 +64,14 @@ impl TilePlan<'_> {
         limits: WorkLimits,
         progress: &dyn Progress,
     ) -> Result<Vec<f64>> {
-        let deviations = self.measured(surfaces, SAMPLES_OF_TILE, limits, progress)?;
+        let first = first_samples(self.tiles.tiles.len());
+        let deviations = self.measured(surfaces, first, limits, progress)?;
         if deviations.iter().all(|&deviation| deviation < FAR * texel) {
             return Ok(deviations);
         }
-        let most = SAMPLES_MAX / deviations.len().max(1) as u64;
-        self.measured(surfaces, most.clamp(SAMPLES_OF_TILE, SAMPLES_OF_FAR_TILE), limits, progress)
+        let more = (SAMPLES_MAX / deviations.len().max(1) as u64).min(SAMPLES_OF_FAR_TILE);
+        // The same points have the same distances.
+        if more > first { self.measured(surfaces, more, limits, progress) } else { Ok(deviations) }
     }
 
     fn measured(
@@ -89,6 +98,11 @@ impl TilePlan<'_> {
     }
 }
 
+/// Points by area for each of `tiles` tiles, on each surface, at first.
+fn first_samples(tiles: usize) -> u64 {
+    (FIRST_SAMPLES_MAX / tiles.max(1) as u64).clamp(SAMPLES_OF_TILE_MIN, SAMPLES_OF_TILE)
+}
+
 /// The distance that [`SHARE`] of some distances do not exceed; 0 if there are none.
 fn quantile(distances: &mut [f32]) -> f64 {
     let Some(last) = distances.len().checked_sub(1) else { return 0.0 };
@@ -106,5 +120,17 @@ mod tests {
         let mut distances: Vec<f32> = (1..=100).rev().map(|distance| distance as f32).collect();
         assert_eq!(quantile(&mut distances), 99.0);
         assert_eq!((quantile(&mut [3.0]), quantile(&mut [])), (3.0, 0.0));
+    }
+
+    #[test]
+    fn points_of_very_many_tiles_stay_few() {
+        for tiles in [1, 10, 1000, 4194] {
+            assert_eq!(first_samples(tiles), SAMPLES_OF_TILE);
+        }
+        for tiles in [4195, 100_000, 160_000] {
+            let own = first_samples(tiles);
+            assert!(own >= SAMPLES_OF_TILE_MIN && own * tiles as u64 <= FIRST_SAMPLES_MAX, "{tiles}: {own}");
+        }
+        assert_eq!(first_samples(10_000_000), SAMPLES_OF_TILE_MIN);
     }
 }
