@@ -11,6 +11,7 @@ use std::time::Instant;
 use glam::{DMat4, DVec3};
 
 use super::admission::Admission;
+use super::damage::report_damage;
 use super::input;
 use super::output::{remember, was_writing};
 use super::paths::{OutputKind, refused};
@@ -63,6 +64,7 @@ fn run(
     remember(work, job.output)?;
     forget_tileset(job.output)?;
     let mut findings = input.findings.clone();
+    findings.merge(job.idle.clone());
     let admission = Admission::admit(job, &input, &start, work)?;
     let limits = WorkLimits { threads: job.threads, work_bytes: admission.work_bytes };
     let texturing = Texturing::prepare(job, &input, &mut start, work, &admission, progress)?;
@@ -96,11 +98,15 @@ fn run(
         ..pass_options
     };
     let chain = Chain { original: &original, scene: &scene, settings: &settings, catalogue: &geometry, place: &place };
-    let levels = chain.levels(start, &pass_options)?;
+    let levels = chain.levels(start, &pass_options);
+    report_damage(work, progress);
+    let levels = levels?;
     let transform = transform(options, on_earth, scene.origin);
     let is_moved = options.crs.is_some();
     let pyramid = Pyramid { original: &original, scene: &scene, settings: &settings, transform, is_moved, place };
-    let levels = pyramid.build(&levels)?;
+    let levels = pyramid.build(&levels);
+    report_damage(work, progress);
+    let levels = levels?;
     if levels.iter().all(|level| level.faces == 0) {
         work.give_up();
         return Err(input::nothing_left(job, &input));

@@ -5,8 +5,11 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Mutex;
 
+use drystone::base::Progress;
 use drystone::options::{ImageFormat, JobOptions, Limits, ResumeChoice, SimplifyOptions, TileCompression, TileOptions};
+use drystone::read::InputChoice;
 use drystone::report::TileReport;
 use drystone::tile::check_tileset;
 use drystone::{Error, Result, Silent, pipeline};
@@ -257,6 +260,50 @@ fn a_job_that_stops_between_tiles_goes_on_with_the_next_one() {
         tile(&town(), &output, &small()).unwrap();
     }
     assert!(whole == contents(&output));
+}
+
+/// Keeps what it is told.
+#[derive(Default)]
+struct Listener(Mutex<Vec<String>>);
+
+impl Progress for Listener {
+    fn begin(&self, _: &'static str, _: u64, _: &'static str) {}
+
+    fn advance(&self, _: u64) {}
+
+    fn tell(&self, message: &str) {
+        self.0.lock().unwrap().push(message.to_owned());
+    }
+}
+
+#[test]
+fn damage_of_triangles_that_were_cut_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("out");
+    let stopped = pipeline::tile(town(), &output, &small(), &StopAfter::units(150)).unwrap_err();
+    assert!(matches!(stopped, Error::Stopped), "{stopped}");
+    let is_cut = |path: &PathBuf| {
+        let name = path.file_name().unwrap().to_str().unwrap();
+        name.starts_with("tile-cut-") && name.ends_with(".buckets")
+    };
+    let files = fs::read_dir(folder.path().join("out.work")).unwrap().map(|entry| entry.unwrap().path());
+    let cut = files.filter(is_cut).min().unwrap();
+    let mut bytes = fs::read(&cut).unwrap();
+    bytes[100..104].iter_mut().for_each(|byte| *byte ^= 0xff);
+    fs::write(&cut, bytes).unwrap();
+    let listener = Listener::default();
+    pipeline::tile(town(), &output, &small(), &listener).unwrap();
+    let told = listener.0.into_inner().unwrap();
+    assert!(told.iter().any(|line| line.contains("tile-cut-") && line.contains("damaged")), "{told:?}");
+}
+
+#[test]
+fn a_pattern_that_excludes_nothing_is_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = InputChoice { exclude: vec!["zzz*".to_owned()], ..InputChoice::from(town()) };
+    let options = TileOptions { tile_faces: 65_536, ..small() };
+    let report = pipeline::tile(input, &folder.path().join("out"), &options, &Silent).unwrap();
+    assert!(report.warnings.iter().any(|line| line.contains("'zzz*' leaves nothing out")), "{:?}", report.warnings);
 }
 
 #[test]
