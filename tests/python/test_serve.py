@@ -2,10 +2,12 @@
 
 import json
 import os
+import resource
 import shutil
 import signal
 import socket
 import subprocess
+import time
 import urllib.error
 import urllib.request
 from pathlib import Path
@@ -85,6 +87,21 @@ def test_a_folder_without_tiles_and_a_taken_port_are_refused(drystone, served, t
     assert "no tileset.json" in drystone("serve", tmp_path, codes=(2,)).stderr
     port = served[1].strip("/").rsplit(":", 1)[1]
     assert "choose another one" in drystone("serve", served[0], "--port", port, codes=(2,)).stderr
+
+
+@pytest.mark.skipif(not hasattr(resource, "prlimit"), reason="limits of another process")
+def test_it_goes_on_once_files_can_be_opened_again(drystone, served):
+    command = [drystone.binary, "serve", served[0], "--port", "0"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        address = server.stdout.readline().strip()
+        limits = resource.prlimit(server.pid, resource.RLIMIT_NOFILE)
+        resource.prlimit(server.pid, resource.RLIMIT_NOFILE, (3, limits[1]))
+        time.sleep(0.5)
+        assert server.poll() is None
+        resource.prlimit(server.pid, resource.RLIMIT_NOFILE, limits)
+        assert b"page.js" in get(address, "")[0]
+        server.send_signal(signal.SIGINT)
+        assert server.wait(10) == 0
 
 
 SCRIPT = """
