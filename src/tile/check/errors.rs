@@ -4,7 +4,14 @@
 //! triangles of a tile, without its skirt ── a cell ──▶ points ── distances to the input ── no farther than its error ÷ factor?
 //! cells of all tiles of a level ── a surface ◀── distances ── points of the input
 //! ```
-//! A tile's error holds for 99 % of its surface, so some points may lie farther: as many as chance allows.
+//! A tile's error holds for 99 % of its surface, so some points may lie farther: as many as chance allows. Where a level
+//! has lost all triangles of a tile, finer tiles stand in, as in a viewer:
+//!
+//! ```text
+//! level 3   [       tile        ]        level 3's surface: its tile
+//! level 2   [  tile  ]  (lost)           level 2's surface: its tile, and the tile of level 1 that stands in
+//! level 1   [  tile  ] [  tile  ]
+//! ```
 //!
 //! # Memory
 //! 440 bytes for each triangle of a tile, and that of the searches.
@@ -29,6 +36,9 @@ const POINTS_OF_TILE: u64 = 2000;
 const POINTS_OF_LEVEL: u64 = 100_000;
 /// Share of a surface that may lie farther than its error says.
 const BEYOND: f64 = 1.0 - SHARE;
+/// Steps of the lattice by which a place may be off: one where a cut meets an edge is rounded twice, by up to half the
+/// diagonal of a step each.
+const ROUNDING_STEPS: f64 = 2.0;
 /// Standard deviations by which the share of points may exceed that, by chance.
 const DEVIATIONS: f64 = 5.0;
 
@@ -66,6 +76,8 @@ struct MeasuredTile {
     path: PathBuf,
     /// No farther from the input, by its error.
     limit: f64,
+    /// Step of the lattice of the next tile above; infinite if there is none. It stands in for the levels between.
+    step_above: f64,
 }
 
 /// The tiles of a level.
@@ -97,11 +109,12 @@ impl<'a> TileErrors<'a> {
         Self { input, scale, levels: BTreeMap::new() }
     }
 
-    /// Takes a tile with its geometric error.
+    /// Takes a tile with its geometric error, and the step of the lattice of the next tile above, infinite if there is
+    /// none.
     ///
     /// # Errors
     /// On a full disk or a failed write.
-    pub fn add(&mut self, path: &Path, tile: &ReadTile, error: f64) -> Result<()> {
+    pub fn add(&mut self, path: &Path, tile: &ReadTile, error: f64, step_above: f64) -> Result<()> {
         let Self { input, scale, levels } = self;
         let step = tile.step.to_bits();
         let level = match levels.entry(step) {
@@ -117,8 +130,8 @@ impl<'a> TileErrors<'a> {
         let faces: Vec<CellFace> = surface.iter().map(face).collect();
         if !faces.is_empty() {
             level.writer.append(CellDraft::new(scale.origin, positions, &faces, Vec::new()))?;
-            // Places of the lattice are rounded.
-            level.tiles.push(MeasuredTile { path: path.to_owned(), limit: error / scale.factor + tile.step });
+            let limit = error / scale.factor + ROUNDING_STEPS * tile.step;
+            level.tiles.push(MeasuredTile { path: path.to_owned(), limit, step_above });
         }
         Ok(())
     }
@@ -130,9 +143,13 @@ impl<'a> TileErrors<'a> {
     pub fn measure(self, progress: &dyn Progress) -> Result<BTreeMap<u64, LevelErrors>> {
         let Self { input, levels, .. } = self;
         let mut found = BTreeMap::new();
+        // Finer tiles that may stand in for one of the next level: steps ascend, as their bits do.
+        let mut finer: Vec<(Cell, MeasuredTile)> = Vec::new();
         for (step, MeasuredLevel { writer, tiles }) in levels {
-            let (cells, _) = writer.finish()?;
-            found.insert(step, measure_level(input, cells, &tiles, progress)?);
+            finer.retain(|(_, tile)| tile.step_above > f64::from_bits(step));
+            let own: Vec<(Cell, MeasuredTile)> = writer.finish()?.0.into_iter().zip(tiles).collect();
+            found.insert(step, measure_level(input, &own, &finer, progress)?);
+            finer.extend(own);
         }
         Ok(found)
     }
@@ -140,8 +157,8 @@ impl<'a> TileErrors<'a> {
 
 fn measure_level(
     input: &TilesetInput<'_>,
-    cells: Vec<Cell>,
-    tiles: &[MeasuredTile],
+    own: &[(Cell, MeasuredTile)],
+    finer: &[(Cell, MeasuredTile)],
     progress: &dyn Progress,
 ) -> Result<LevelErrors> {
     let share = |from: &SurfaceCells, to: &SurfaceCells, points: u64, limit: f64| {
@@ -156,14 +173,85 @@ fn measure_level(
         Result::Ok((share > BEYOND + chance).then_some(share))
     };
     let mut errors = LevelErrors::default();
-    for (cell, tile) in cells.iter().zip(tiles) {
+    for (cell, tile) in own {
         progress.check_stopped()?;
-        let own = SurfaceCells::from(vec![cell.clone()]);
-        if let Some(share) = share(&own, input.surface, POINTS_OF_TILE, tile.limit)? {
+        let surface = SurfaceCells::from(vec![cell.clone()]);
+        if let Some(share) = share(&surface, input.surface, POINTS_OF_TILE, tile.limit)? {
             errors.beyond.push((tile.path.clone(), share));
         }
     }
-    let largest = tiles.iter().map(|tile| tile.limit).fold(0.0, f64::max);
-    errors.input_beyond = share(input.surface, &SurfaceCells::from(cells), POINTS_OF_LEVEL, largest)?;
+    let shown = || own.iter().chain(finer);
+    let largest = shown().map(|(_, tile)| tile.limit).fold(0.0, f64::max);
+    let surface = SurfaceCells::from(shown().map(|(cell, _)| cell.clone()).collect::<Vec<Cell>>());
+    errors.input_beyond = share(input.surface, &surface, POINTS_OF_LEVEL, largest)?;
     Ok(errors)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Silent;
+
+    const STEP: f64 = 1.0 / 64.0;
+
+    /// A square of 64 steps whose corner lies at some steps from the origin, with places `every` steps apart.
+    fn square(corner: [i64; 3], every: i64) -> ReadTile {
+        let places = [[0, 0], [64, 0], [64, 64], [0, 64]];
+        let place = |[x, y]: [i64; 2]| [corner[0] + x, corner[1] + y, corner[2]].map(|at| at / every);
+        ReadTile {
+            step: STEP * every as f64,
+            places: places.map(place).to_vec(),
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            skirt_triangles: 0,
+            image_bytes: 0,
+        }
+    }
+
+    fn surface(folder: &Path, squares: &[ReadTile]) -> SurfaceCells {
+        let mut writer = CellWriter::create(&folder.join("input.cells"), DVec3::ZERO).unwrap();
+        for square in squares {
+            let positions = square.places.iter().map(|place| DVec3::from(place.map(|at| at as f64)) * square.step);
+            let face = |&vertices: &[u32; 3]| CellFace { vertices, image: ImageId::NONE, texcoords: [[0.0; 2]; 3] };
+            let faces: Vec<CellFace> = square.triangles.iter().map(face).collect();
+            writer.append(CellDraft::new(DVec3::ZERO, positions.collect(), &faces, Vec::new())).unwrap();
+        }
+        writer.finish().unwrap().0.into()
+    }
+
+    /// What is found of tiles, each with the step of the next tile above, against squares; a tile has no error but its
+    /// step.
+    fn found(input: &[ReadTile], tiles: &[(ReadTile, f64)]) -> Vec<LevelErrors> {
+        let folder = tempfile::tempdir().unwrap();
+        let surface = surface(folder.path(), input);
+        let limits = WorkLimits { threads: 1, work_bytes: 1 << 20 };
+        let input = TilesetInput { surface: &surface, folder: folder.path(), limits };
+        let mut errors = TileErrors::new(&input, ErrorScale { factor: 1.0, origin: DVec3::ZERO });
+        for (tile, step_above) in tiles {
+            errors.add(Path::new("tile.glb"), tile, 0.0, *step_above).unwrap();
+        }
+        errors.measure(&Silent).unwrap().into_values().collect()
+    }
+
+    #[test]
+    fn finer_tiles_stand_in_for_one_that_is_lost_and_for_no_other() {
+        let input = [square([0, 0, 0], 1), square([640, 0, 0], 1)];
+        let tiles = |step_above: f64| {
+            let (kept, fine) = (square([0, 0, 0], 2), square([0, 0, 0], 1));
+            [(kept, f64::INFINITY), (fine, 2.0 * STEP), (square([640, 0, 0], 1), step_above)]
+        };
+        let lost = found(&input, &tiles(f64::INFINITY));
+        assert!(lost.len() == 2 && lost.iter().all(|level| level.input_beyond.is_none()), "{lost:?}");
+        // Here a tile of level 1 should be there.
+        let gone = found(&input, &tiles(2.0 * STEP));
+        assert!(gone[0].input_beyond.is_none() && gone[1].input_beyond.is_some_and(|share| share > 0.4), "{gone:?}");
+    }
+
+    #[test]
+    fn a_place_may_be_off_by_two_roundings_and_no_more() {
+        let input = [square([0, 0, 0], 1)];
+        for (off, is_fault) in [(0, false), (1, false), (2, false), (3, true)] {
+            let level = &found(&input, &[(square([0, 0, off], 1), f64::INFINITY)])[0];
+            assert_eq!((level.beyond.len() == 1, level.input_beyond.is_some()), (is_fault, is_fault), "{off} steps");
+        }
+    }
 }

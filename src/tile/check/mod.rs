@@ -116,6 +116,8 @@ struct Above {
     bounds: Option<Bounds>,
     error: f64,
     depth: usize,
+    /// Step of the lattice of the next tile above with triangles; infinite if there is none.
+    step: f64,
 }
 
 impl<'a> Checking<'a> {
@@ -139,7 +141,7 @@ impl<'a> Checking<'a> {
             let words = format!("{shown}: holds no {TILESET}; one that is being written has it at the end");
             return Err(Error::Usage(words));
         }
-        self.tileset(&path, Above { bounds: None, error: f64::INFINITY, depth: 0 })?;
+        self.tileset(&path, Above { bounds: None, error: f64::INFINITY, depth: 0, step: f64::INFINITY })?;
         self.finish()
     }
 
@@ -223,9 +225,9 @@ impl<'a> Checking<'a> {
                 "a tile without content has none, so no viewer looks at those below it",
             );
         }
-        let below = Above { bounds, error: error.unwrap_or(above.error), depth: above.depth + 1 };
+        let mut below = Above { bounds, error: error.unwrap_or(above.error), depth: above.depth + 1, ..above };
         if !tile["content"].is_null() {
-            self.content(path, &tile["content"], below)?;
+            below.step = self.content(path, &tile["content"], below)?.unwrap_or(above.step);
         }
         match &tile["children"] {
             Value::Null => {}
@@ -237,22 +239,26 @@ impl<'a> Checking<'a> {
         Ok(())
     }
 
-    fn content(&mut self, tileset: &Path, content: &Value, tile: Above) -> Result<()> {
+    /// Checks the content of a tile; returns the step of its lattice if that is triangles.
+    fn content(&mut self, tileset: &Path, content: &Value, tile: Above) -> Result<Option<f64>> {
         let Some(path) = content["uri"].as_str().and_then(|uri| inside(self.folder, tileset, uri)) else {
             self.fault("content", tileset, "expected the name of a file in the folder");
-            return Ok(());
+            return Ok(None);
         };
         if !is_file(&path).unwrap_or(false) {
             self.fault("content", &path, "there is no such file");
-            return Ok(());
+            return Ok(None);
         }
         if path.extension().is_some_and(|ending| ending == "json") {
-            return self.tileset(&path, tile);
+            return self.tileset(&path, tile).map(|()| None);
         }
-        let Some(bytes) = self.read(&path)? else { return Ok(()) };
+        let Some(bytes) = self.read(&path)? else { return Ok(None) };
         self.found.contents += 1;
         match read_glb(&bytes) {
-            Err(words) => self.fault("content", &path, &words),
+            Err(words) => {
+                self.fault("content", &path, &words);
+                Ok(None)
+            }
             Ok(read) => {
                 let position = |place: &[i64; 3]| DVec3::from(place.map(|at| at as f64)) * read.step;
                 let own = Bounds::around(read.places.iter().map(position));
@@ -267,12 +273,12 @@ impl<'a> Checking<'a> {
                 level.triangles_max = level.triangles_max.max(read.triangles.len() as u64);
                 level.image_bytes += read.image_bytes;
                 if let Some(errors) = &mut self.errors {
-                    errors.add(&path, &read, tile.error)?;
+                    errors.add(&path, &read, tile.error, tile.step)?;
                     self.found.measured += 1;
                 }
+                Ok(Some(read.step))
             }
         }
-        Ok(())
     }
 
     fn finish(mut self) -> Result<TilesetCheck> {
