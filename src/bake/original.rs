@@ -29,9 +29,13 @@ use crate::surface::cells::{SurfaceCells, SurfacePlace};
 
 /// Texels of a surface without images, for each of its triangles.
 pub const TEXELS_OF_FACE: f64 = 8.0;
-/// Steps for a factor of two, and factors of two from 1 downwards and upwards, in which lengths of texels are counted.
+/// Texels that a triangle shows at most: 262,144 images of 2048 × 2048. With more, its texture coordinates are taken to be
+/// wrong, and it shows no image: others would get hardly any texels for its sake.
+const SHOWN_TEXELS_MAX: f64 = (1u64 << 40) as f64;
+/// Steps for a factor of two, and factors of two from 1 downwards and upwards, in which lengths of texels are counted: all
+/// that double precision has.
 const STEPS: f64 = 32.0;
-const OCTAVES: f64 = 64.0;
+const OCTAVES: f64 = 1100.0;
 /// The surface of the input.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct OriginalSurface {
@@ -244,7 +248,7 @@ impl Original {
             original.images[image] = decoded.stored;
             Ok(())
         })?;
-        original.median_texel = original.find_median_texel(progress)?;
+        original.median_texel = original.find_median_texel(progress, findings)?;
         mmap::release_freed_memory();
         Ok(original)
     }
@@ -260,12 +264,20 @@ impl Original {
 
     /// Where the colours of a triangle of a cell come from: those of its vertices come before a plain one.
     pub fn source_of(&self, view: &CellView, face: u32) -> TexelSource<'_> {
-        let CellFace { vertices, image, .. } = view.faces[face as usize];
+        let vertices = view.faces[face as usize].vertices;
         let is_coloured = |vertex: u32| view.colours.get(vertex as usize).is_some_and(|colour| colour[3] > 0);
-        match self.source(image) {
+        match self.source(self.image_of(&view.faces[face as usize])) {
             TexelSource::Plain(_) if vertices.into_iter().any(is_coloured) => TexelSource::Nothing,
             source => source,
         }
+    }
+
+    /// The image that a triangle shows; none if its texture coordinates are too large to be right.
+    #[inline]
+    pub fn image_of(&self, face: &CellFace) -> ImageId {
+        let texels = |pixels: &f64| texture_area(face.texcoords) * pixels;
+        let is_too_large = self.pixels.get(face.image).map(texels).is_some_and(|texels| texels > SHOWN_TEXELS_MAX);
+        if is_too_large { ImageId::NONE } else { face.image }
     }
 
     /// A reader of its images.
@@ -286,7 +298,8 @@ impl Original {
 
     /// What a triangle of a cell shows.
     pub(super) fn shown(&self, view: &CellView, face: u32) -> Shown {
-        let CellFace { vertices, image, texcoords } = view.faces[face as usize];
+        let CellFace { vertices, texcoords, .. } = view.faces[face as usize];
+        let image = self.image_of(&view.faces[face as usize]);
         if let TexelSource::Image(_) = self.source(image) {
             let repeats = texcoords.iter().flatten().any(|&at| at > 1.0);
             return Shown::Image(image, texcoords, if repeats { Beyond::Repeat } else { Beyond::Edge });
@@ -308,13 +321,19 @@ impl Original {
         texel.is_normal().then_some(texel)
     }
 
-    fn find_median_texel(&self, progress: &dyn Progress) -> Result<f64> {
+    fn find_median_texel(&self, progress: &dyn Progress, findings: &mut Findings) -> Result<f64> {
         let mut lengths = LengthHistogram::default();
         for cell in &self.surface.cells {
             progress.check_stopped()?;
             let view = cell.view()?;
             for number in 0..view.faces.len() as u32 {
                 let area = area(view.triangle(number));
+                if self.image_of(&view.faces[number as usize]) != view.faces[number as usize].image {
+                    findings.note("repeated_images", || {
+                        let place = view.triangle(number)[0] + view.origin;
+                        format!("a triangle at {place} shows more than 2⁴⁰ texels, so its image is ignored")
+                    });
+                }
                 if let Some(texel) = self.texel_of(&self.shown(&view, number), area) {
                     lengths.add(texel, area);
                 }

@@ -82,6 +82,11 @@ fn run(
     }
     let edges = EdgeLengths::of(&original.surface, progress)?;
     let scene = TileScene::new(original.surface.bounds, original.median_texel, edges);
+    if let Some([size, step]) = scene.unfit_lengths() {
+        work.give_up();
+        let words = format!("the mesh is {size:.1e} long, in steps of {step:.1e}, which no viewer can show; scale it");
+        return Err(Error::input(job.choice.name(), 0, words));
+    }
     let settings = TileSettings {
         faces: options.tile_faces,
         side: options.tile_side,
@@ -108,8 +113,12 @@ fn run(
     report_damage(work, progress);
     let levels = levels?;
     if levels.iter().all(|level| level.faces == 0) {
+        forget_tileset(job.output)?;
         work.give_up();
-        return Err(input::nothing_left(job, &input));
+        let step = scene.lattice(0).step;
+        let words =
+            format!("of {triangles} triangles none is left on a lattice with steps of {step:.1e}; scale the mesh");
+        return Err(Error::input(job.choice.name(), 0, words));
     }
     Ok(TileReport {
         triangles: input.triangles,

@@ -1,5 +1,7 @@
 //! Where the tiles lie: the origin of the scene, the length of the texels and the lattice of each level.
 
+use std::ops::RangeInclusive;
+
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -13,6 +15,10 @@ use crate::surface::cells::SurfaceCells;
 const ORIGIN_SHARE: f64 = 1.0 / 16.0;
 /// Share of the triangles that may be as small as the lattice.
 const FINE_SHARE: f64 = 0.02;
+
+/// Lengths of a scene, from the step of the finest lattice to the size of all, in its unit of length: 2^-120 to 2^120.
+/// Viewers hold them in single precision, which ends at 2^±126.
+const LENGTHS: RangeInclusive<f64> = 7.6e-37..=1.3e36;
 
 /// The scene.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -69,6 +75,12 @@ impl TileScene {
         let origin = if step > 0.0 && step.is_finite() { (middle / step).round() * step } else { middle };
         let reach = (bounds.low - origin).abs().max((bounds.high - origin).abs()).max_element();
         Self { origin, bounds, texel, lattice: Lattice::new(texel.min(edges.fine), reach) }
+    }
+
+    /// Length along an axis and step of the finest lattice, if these are too large or too small for viewers.
+    pub fn unfit_lengths(&self) -> Option<[f64; 2]> {
+        let lengths = [(self.bounds.high - self.bounds.low).max_element(), self.lattice.step];
+        lengths.iter().any(|length| !LENGTHS.contains(length)).then_some(lengths)
     }
 
     /// Reports whether lengths are lengths.

@@ -37,5 +37,6 @@ mod targets;
 mod tile;
 mod tile_errors;
 mod tile_extremes;
+mod tile_sizes;
 mod tile_views;
 mod topology;

@@ -10,6 +10,9 @@ use serde_json::Value;
 use crate::tile::meshopt::{decode_attributes, decode_triangles};
 use crate::write::glb_format::MESHOPT;
 
+/// Share by which a number may be off its place.
+const ROUNDING: f64 = 1e-15;
+
 /// Words on what is wrong with a file.
 type ContentFault = String;
 
@@ -44,13 +47,15 @@ pub fn read_glb(bytes: &[u8]) -> Result<ReadTile, ContentFault> {
         return Err(format!("the scale of its node is {step}"));
     }
     let middle = DVec3::new(x, -south, up) / step;
-    if middle.round() != middle || !middle.is_finite() || middle.abs().max_element() > 1e15 {
+    // The reader of the JSON rounds the last digit of very small and large numbers.
+    let is_place = (middle.round() - middle).abs().cmple(ROUNDING * middle.abs()).all();
+    if !is_place || !middle.is_finite() || middle.abs().max_element() > 1e15 {
         return Err("its translation is no place of the lattice".into());
     }
     let mesh = &document["meshes"][0];
     let primitive = &mesh["primitives"][0];
     let own = reader.positions(&primitive["attributes"]["POSITION"])?;
-    let shift = middle.to_array().map(|at| at as i64);
+    let shift = middle.round().to_array().map(|at| at as i64);
     let places = own.into_iter().map(|place| [0, 1, 2].map(|axis| i64::from(place[axis]) + shift[axis]));
     let places: Vec<[i64; 3]> = places.collect();
     let triangles = reader.triangles(&primitive["indices"], places.len())?;
