@@ -80,11 +80,15 @@ pub fn run<T: Send + 'static>(
     let mut waiter = Waiter { events, is_stopped, listener, stop, hands, raised: None };
     loop {
         let received = py.detach(|| receiver.recv_timeout(INTERVAL));
-        waiter.look(py)?;
+        let looked = waiter.look(py);
         // Only code that was called just now may have forked. The job is its parent's, even where it ended meanwhile.
         if std::process::id() != process {
-            return Err(waiter.raised.unwrap_or_else(|| forked(py)));
+            let raised = waiter.raised.take();
+            // Their locks may be held by threads that are not in this process.
+            std::mem::forget((receiver, waiter));
+            return Err(raised.unwrap_or_else(|| forked(py)));
         }
+        looked?;
         let outcome = match received {
             Err(RecvTimeoutError::Timeout) => continue,
             Err(RecvTimeoutError::Disconnected) => return Err(panicked(py, &"the job's thread is gone")),

@@ -466,6 +466,34 @@ def test_a_child_that_is_forked_during_a_call_gets_an_error(tmp_path, of_arrays)
     assert abs(report.faces.output - report.faces.target) <= 2
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_child_that_is_forked_as_the_job_ends_gets_an_error_each_time():
+    """The job's thread may hold a lock at that moment, which nobody in the child ever gives back."""
+    vertices, faces = grid(100)
+    for number in range(10):
+        pids = []
+
+        def listen(event: drystone.Event) -> None:
+            if event.phase == "measure" and not pids:
+                pids.append(os.fork())
+
+        try:
+            drystone.simplify_mesh(vertices, faces, ratio=0.1, progress=listen)
+        except drystone.DrystoneError:
+            os._exit(7)
+        except BaseException:
+            os._exit(9)
+        deadline = time.monotonic() + 20
+        while (ended := os.waitpid(pids[0], os.WNOHANG))[0] == 0 and time.monotonic() < deadline:
+            time.sleep(0.001)
+        if ended[0] == 0:
+            os.kill(pids[0], signal.SIGKILL)
+            os.waitpid(pids[0], 0)
+            pytest.fail(f"child {number} hangs")
+        assert os.waitstatus_to_exitcode(ended[1]) == 7
+
+
 def test_the_current_folder_may_change_meanwhile(tmp_path, monkeypatch):
     (tmp_path / "elsewhere").mkdir()
     (tmp_path / "town.obj").write_bytes(TOWN.read_bytes())
