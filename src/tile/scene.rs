@@ -37,7 +37,7 @@ pub struct TileScene {
 pub struct EdgeLengths {
     /// Half of the triangles have a shorter one.
     pub median: f64,
-    /// [`FINE_SHARE`] of the triangles have a shorter one.
+    /// One triangle in fifty has a shorter one.
     pub fine: f64,
 }
 
