@@ -70,16 +70,21 @@ fn large_meshes() -> impl Strategy<Value = Sketch> {
         .prop_map(|(columns, rows, bump, turn, seed)| grid(columns, rows, bump, turn, seed))
 }
 
+/// Adds a copy of a part, scaled and then moved.
+fn add(sketch: &mut Sketch, part: &Sketch, size: f64, place: DVec3) {
+    let first = sketch.positions.len();
+    sketch.positions.extend(part.positions.iter().map(|position| place + size * position));
+    sketch.faces.extend(part.faces.iter().map(|face| face.map(|(v, t)| (v + first, t + first))));
+}
+
 /// Sheets of up to side × side squares that hang on nothing, of all sizes.
 fn islands(count: usize, side: usize, seed: u64) -> Sketch {
     let mut sketch = Sketch::default();
     for island in 0..count {
         let squares = 1 + (noise(island, 0, seed) * side as f64) as usize;
         let part = grid(squares, squares, 1.0, 0.0, seed ^ island as u64);
-        let (scale, first) = (noise(island, 1, seed), sketch.positions.len());
         let corner = DVec3::new(noise(island, 2, seed), noise(island, 3, seed), 0.0) * 500.0;
-        sketch.positions.extend(part.positions.iter().map(|position| corner + scale * position));
-        sketch.faces.extend(part.faces.iter().map(|face| face.map(|(v, t)| (v + first, t + first))));
+        add(&mut sketch, &part, noise(island, 1, seed), corner);
     }
     sketch
 }
@@ -136,11 +141,8 @@ proptest! {
 fn dropped_pieces_count_as_faces_that_a_pass_removes() {
     let mut sketch = grid(8, 8, 2.0, 0.0, 3);
     for sheet in 0..100 {
-        let corner = sketch.positions.len();
-        let part = grid(1, 1, 0.0, 0.0, 0);
         let place = DVec3::new(50.0 + 3.0 * f64::from(sheet), 0.0, 0.0);
-        sketch.positions.extend(part.positions.iter().map(|position| place + 0.1 * position));
-        sketch.faces.extend(part.faces.iter().map(|face| face.map(|(v, t)| (v + corner, t + corner))));
+        add(&mut sketch, &grid(1, 1, 0.0, 0.0, 0), 0.1, place);
     }
     for (target, passes) in [(100, 5), (60, 4), (60, 6), (40, 4), (20, 5)] {
         let options = SimplifyOptions {
@@ -160,12 +162,8 @@ fn dropped_pieces_count_as_faces_that_a_pass_removes() {
 fn dropped_pieces_of_a_trim_count_as_well() {
     let mut sketch = grid(80, 80, 1.0, 0.0, 3);
     for sheet in 0..2500 {
-        let corner = sketch.positions.len();
-        let part = grid(1, 1, 0.0, 0.0, 0);
         let place = DVec3::new(noise(sheet, 0, 5) * 80.0, noise(sheet, 1, 5) * 80.0, 3.0);
-        let size = 0.02 * 40f64.powf(noise(sheet, 2, 5));
-        sketch.positions.extend(part.positions.iter().map(|position| place + size * position));
-        sketch.faces.extend(part.faces.iter().map(|face| face.map(|(v, t)| (v + corner, t + corner))));
+        add(&mut sketch, &grid(1, 1, 0.0, 0.0, 0), 0.02 * 40f64.powf(noise(sheet, 2, 5)), place);
     }
     for target in [4400, 4600, 4800, 5000, 5200, 5400] {
         let options = SimplifyOptions {
