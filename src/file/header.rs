@@ -20,7 +20,7 @@ use crate::os::durable::no_links;
 pub const HEADER_BYTES: u64 = 64;
 const MAGIC: [u8; 8] = *b"drystone";
 /// Version of the work folder's files.
-pub const FORMAT_VERSION: u32 = 27;
+pub const FORMAT_VERSION: u32 = 28;
 /// Offset of the header's own checksum.
 const CHECKSUM_AT: usize = 56;
 

@@ -1,5 +1,7 @@
 //! Computes what the clusters of a pass must reach together, from the target, the bound and the schedule alone.
 
+use serde::{Deserialize, Serialize};
+
 use super::sample::Purpose;
 use super::shares::{TRIM_SHARE, TRIM_SHARE_MAX, pass_target, stage_shares};
 use super::stop_rule::StopRule;
@@ -32,18 +34,37 @@ pub(super) struct Aim {
     pub passes: usize,
     /// Largest deviation in units of length; `None` if it is unbounded.
     pub bound: Option<f64>,
+    /// Which of the two says where a pass ends.
+    pub lead: Lead,
+}
+
+/// Which of the target and the bound says where a pass ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub(super) enum Lead {
+    /// The target.
+    #[default]
+    Target,
+    /// The bound.
+    Bound,
+    /// The bound, of which the first pass uses half. With few faces left, the borders of its clusters, which are
+    /// locked, have a large share of them; the next pass needs the other half to remove those.
+    BoundFromHalf,
 }
 
 impl Aim {
     /// Reports whether a pass aims at the target itself.
     pub fn is_last(self, turn: usize) -> bool {
-        turn + 1 >= self.passes
+        match self.lead {
+            Lead::Target => turn + 1 >= self.passes,
+            Lead::Bound => true,
+            Lead::BoundFromHalf => turn > 0,
+        }
     }
 
-    /// Deviation allowed in a pass, in units of length; it doubles from pass to pass. `None` if it is unbounded.
+    /// Deviation allowed in a pass, in units of length; `None` if it is unbounded.
     pub fn bound_of(self, turn: usize) -> Option<f64> {
-        let left = self.passes.saturating_sub(turn + 1) as i32;
-        Some(self.bound? * BOUND_SAFETY * libm::pow(0.5, f64::from(left)))
+        let share = if turn == 0 && self.lead == Lead::BoundFromHalf { 0.5 } else { 1.0 };
+        Some(self.bound? * BOUND_SAFETY * share)
     }
 
     /// Number of faces that a pass aims to leave.
@@ -53,7 +74,9 @@ impl Aim {
 
     /// Returns what a pass over `faces` faces must reach.
     pub fn goal(self, turn: usize, faces: u64) -> Goal {
-        if let (0, Some(most)) = (self.target, self.bound_of(turn)) {
+        if self.lead != Lead::Target
+            && let Some(most) = self.bound_of(turn)
+        {
             return Goal::Deviation(most);
         }
         let (all, target) = (faces.max(1) as f64, self.target as f64);
@@ -76,11 +99,12 @@ impl Aim {
         StopRule::Shares(self.stages(self.faces_after(turn) / faces, turn))
     }
 
-    /// Returns how a pass with the deviation bound `most` stops. The first pass spends half of the bound before it uses
-    /// the rest, so that the cheapest collapses come first; later passes start from a mesh simplified under half of
-    /// their bound.
-    pub fn within(self, most: f64, turn: usize) -> StopRule {
-        StopRule::Deviation(if turn == 0 { vec![0.5 * most, most] } else { vec![most] })
+    /// Returns how a pass over `clusters` clusters with the deviation bound `most` stops. The first pass spends half of
+    /// the bound before it uses the rest, so that the cheapest collapses come first; later passes start from a mesh
+    /// simplified under half of their bound. A single cluster ends at the target at the latest.
+    pub fn within(self, most: f64, turn: usize, clusters: usize) -> StopRule {
+        let keep = vec![if clusters == 1 { self.target } else { 0 }; clusters];
+        StopRule::Deviation(if turn == 0 { half_first(most) } else { vec![most] }, keep.into())
     }
 
     /// Faces above which a pass that is stopped by face count leaves the rest to the trim.
@@ -99,11 +123,16 @@ impl Aim {
     }
 }
 
+/// Half of a bound, then all of it.
+pub(super) fn half_first(most: f64) -> Vec<f64> {
+    vec![0.5 * most, most]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const AIM: Aim = Aim { target: 1000, input: 10_000, passes: 3, bound: None };
+    const AIM: Aim = Aim { target: 1000, input: 10_000, passes: 3, bound: None, lead: Lead::Target };
 
     /// The share at the end of the last stage of a goal.
     fn share(goal: Goal) -> f64 {
@@ -141,19 +170,36 @@ mod tests {
     }
 
     #[test]
-    fn bounds_double_from_pass_to_pass_and_stand_alone_without_a_target() {
-        let bounded = Aim { target: 0, bound: Some(8.0), ..AIM };
-        let allowed = [0, 1, 2, 3].map(|turn| bounded.bound_of(turn).unwrap());
-        assert!(allowed.iter().zip([1.96, 3.92, 7.84, 7.84]).all(|(allowed, expected)| is_near(*allowed, expected)));
-        assert_eq!(bounded.goal(1, 5000), Goal::Deviation(allowed[1]));
-        // With both a target and a bound, the goal comes from the target.
-        assert_eq!(Aim { bound: Some(8.0), ..AIM }.goal(1, 4000), AIM.goal(1, 4000));
+    fn a_bound_that_leads_is_the_goal_of_every_pass() {
+        let bounded = |lead| Aim { bound: Some(8.0), lead, ..AIM };
+        let allowed = |lead| [0, 1, 2, 3].map(|turn| bounded(lead).bound_of(turn).unwrap());
+        let [all, half] = [8.0 * BOUND_SAFETY, 4.0 * BOUND_SAFETY];
+        assert_eq!(allowed(Lead::Bound), [all; 4]);
+        assert_eq!(allowed(Lead::Target), [all; 4]);
+        assert_eq!(allowed(Lead::BoundFromHalf), [half, all, all, all]);
+        for (lead, turn, most) in [
+            (Lead::Bound, 0, all),
+            (Lead::Bound, 3, all),
+            (Lead::BoundFromHalf, 0, half),
+            (Lead::BoundFromHalf, 1, all),
+        ] {
+            assert_eq!(bounded(lead).goal(turn, 5000), Goal::Deviation(most));
+        }
+        assert_eq!(bounded(Lead::Target).goal(1, 4000), AIM.goal(1, 4000));
         assert_eq!(AIM.bound_of(0), None);
-        let stops = |turn| match bounded.within(4.0, turn) {
-            StopRule::Deviation(bounds) => bounds,
+        let is_last = |lead| [0, 1, 2].map(|turn| bounded(lead).is_last(turn));
+        assert_eq!(is_last(Lead::Bound), [true; 3]);
+        assert_eq!(is_last(Lead::BoundFromHalf), [false, true, true]);
+    }
+
+    #[test]
+    fn half_of_a_bound_goes_first_and_a_single_cluster_ends_at_the_target() {
+        let stops = |turn, clusters| match AIM.within(4.0, turn, clusters) {
+            StopRule::Deviation(bounds, keep) => (bounds, keep.raw),
             other => panic!("{other:?}"),
         };
-        assert_eq!([stops(0), stops(1)], [vec![2.0, 4.0], vec![4.0]]);
+        assert_eq!(stops(0, 2), (vec![2.0, 4.0], vec![0, 0]));
+        assert_eq!(stops(1, 1), (vec![4.0], vec![1000]));
     }
 
     #[test]

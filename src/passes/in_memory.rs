@@ -8,11 +8,12 @@
 
 use glam::{DVec2, DVec3};
 
-use super::goal::{Aim, Goal};
+use super::goal::{Aim, Goal, half_first};
 use super::metric_engine::{MetricEngine, Simplified};
 use super::options::PassOptions;
 use super::outcome::{StageReport, StageSums};
 use super::pass_id::{Pass, PassKind};
+use super::sample;
 use super::schedule::{PassEnd, Schedule};
 use super::second_attempt::costs_before_leap;
 use super::stop_rule::{ClusterStop, Wanted};
@@ -143,15 +144,20 @@ impl<'a> InMemory<'a> {
     }
 
     fn collapse(&mut self, pass: Pass) {
-        let &PassOptions { target, input, passes, max_error, optimize, .. } = self.options;
-        let aim = Aim { target, input, passes, bound: max_error };
+        if pass.is_first_turn()
+            && let Some(left) = self.left_within_bound(pass)
+        {
+            self.schedule.choose_lead(left, true, self.options);
+        }
+        let &PassOptions { target, passes, max_error, optimize, .. } = self.options;
+        let aim = self.aim();
         let faces_in = self.mesh.face_count as u64;
         let stop = match aim.goal(pass.turn, faces_in) {
-            Goal::Deviation(most) => aim.within(most, pass.turn),
+            Goal::Deviation(most) => aim.within(most, pass.turn, 1),
             _ => aim.in_one_cluster(pass.turn, faces_in),
         }
         .of(ClusterId::new(0));
-        let rules = self.options.rules(pass, aim.bound_of(pass.turn));
+        let rules = self.options.rules(pass, aim);
         let mesh = std::mem::take(&mut self.mesh);
         // Without a bound, a pass is repeated if costs leap before its end.
         let spare = max_error.is_none().then(|| mesh.clone());
@@ -176,11 +182,29 @@ impl<'a> InMemory<'a> {
             faces_out: simplified.faces_out,
             is_last: aim.is_last(pass.turn),
             is_single: true,
-            is_exact: aim.is_last(pass.turn) && !matches!(stop, ClusterStop::Deviation(_)),
+            is_exact: aim.is_last(pass.turn) && !matches!(stop, ClusterStop::Deviation(..)),
             is_steepest: false,
             met_wall,
         };
         self.schedule.end_collapsing(end, self.options);
+    }
+
+    fn aim(&self) -> Aim {
+        let &PassOptions { target, input, passes, max_error, .. } = self.options;
+        Aim { target, input, passes, bound: max_error, lead: self.schedule.lead }
+    }
+
+    /// Returns the share of the faces that the bound on the deviation alone would leave, measured on a sample; `None`
+    /// without a bound. Without a target nothing depends on it: it is not measured.
+    fn left_within_bound(&self, pass: Pass) -> Option<f64> {
+        let bound = self.aim().bound_of(pass.turn)?;
+        if self.options.target == 0 {
+            return Some(1.0);
+        }
+        let faces = self.mesh.face_count as u64;
+        let purpose = self.aim().purpose(pass.turn, faces as f64);
+        let sample = sample::patch(&self.mesh, sample::sample_faces(faces, purpose) as usize);
+        Some(self.engine.share_within(sample, &self.options.rules(pass, self.aim()), &half_first(bound)))
     }
 
     /// Cost thresholds for a second attempt; `None` if the first one stands.

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::floor::Floor;
 use super::sample;
-use super::stop_rule::{ClusterStop, Wanted, run_stages_to};
+use super::stop_rule::{ClusterStop, Wanted, run_stages_to, share_within};
 use crate::cost::Metric;
 use crate::cost::mesh_stats::MeshStats;
 use crate::mesh::ClusterMesh;
@@ -77,6 +77,9 @@ pub(super) trait MetricEngine: Sync {
     fn simplify(&self, mesh: ClusterMesh, rules: &EngineRules, stop: &ClusterStop, wanted: Wanted) -> Simplified;
     /// Simplifies a sample; returns the cost thresholds that leave these shares of its faces.
     fn thresholds(&self, sample: ClusterMesh, rules: &EngineRules, shares: &[f64]) -> Vec<f32>;
+    /// Simplifies a sample as far as these bounds on the deviation allow, one after the other, in units of length;
+    /// returns the share of its faces that is left.
+    fn share_within(&self, sample: ClusterMesh, rules: &EngineRules, bounds: &[f64]) -> f64;
 }
 
 /// A metric with its settings.
@@ -150,5 +153,9 @@ impl<M: Metric> MetricEngine for EngineOf<M> {
 
     fn thresholds(&self, sample: ClusterMesh, rules: &EngineRules, shares: &[f64]) -> Vec<f32> {
         sample::thresholds(&mut self.start(sample, rules), shares)
+    }
+
+    fn share_within(&self, sample: ClusterMesh, rules: &EngineRules, bounds: &[f64]) -> f64 {
+        share_within(&mut self.start(sample, rules), bounds)
     }
 }

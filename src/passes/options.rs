@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::goal::{Aim, Lead};
 use super::metric_engine::{EngineOf, EngineRules, MetricEngine};
 use super::pass_id::Pass;
 use crate::cost::{
@@ -107,11 +108,11 @@ pub struct PassOptions {
 
 impl PassOptions {
     /// What the engine may do in a pass; `deviation_max` is the deviation allowed in it, in units of length.
-    pub(super) fn rules(&self, pass: Pass, deviation_max: Option<f64>) -> EngineRules {
+    pub(super) fn rules(&self, pass: Pass, aim: Aim) -> EngineRules {
         EngineRules {
             lock_borders: self.lock_borders,
             lock_seams: match self.seams {
-                SeamPolicy::Stitch => pass.is_first_turn() && self.passes > 1,
+                SeamPolicy::Stitch => pass.is_first_turn() && self.passes > 1 && aim.lead == Lead::Target,
                 SeamPolicy::Follow => false,
                 SeamPolicy::Lock => true,
             },
@@ -119,7 +120,7 @@ impl PassOptions {
             one_by_one: self.one_by_one,
             seeks_handles: !pass.is_first_turn(),
             welds: self.weld,
-            deviation_max,
+            deviation_max: aim.bound_of(pass.turn),
         }
     }
 }

@@ -94,8 +94,16 @@ impl Run<'_> {
         let step = PassStep::stops(pass, 0);
         let recorded = self.job.recall::<PassSetup>(&step.key(), &(partition, self.catalogue))?;
         self.probing = None;
+        let mut left_within_bound = None;
         if pass.is_first_turn() {
             self.study_input(pass, partition, recorded.as_ref())?;
+            left_within_bound = match &recorded {
+                Some(setup) => setup.left_within_bound,
+                None => self.left_within_bound(partition, pass)?,
+            };
+            if let Some(left) = left_within_bound {
+                self.state.schedule.choose_lead(left, partition.is_single(), self.options);
+            }
         }
         let (sample, thresholds) = (std::mem::take(&mut self.state.sample), self.state.thresholds.take());
         let steepest = self.steepest(pass);
@@ -110,7 +118,8 @@ impl Run<'_> {
                     thresholds.iter_mut().for_each(|cost| *cost = cost.min(most));
                 }
                 let (stops, is_exact) = self.plan(partition, thresholds, pass, faces)?;
-                let setup = PassSetup { stops, is_exact, texture: self.texture.clone(), probing: self.probing };
+                let texture = self.texture.clone();
+                let setup = PassSetup { stops, is_exact, texture, probing: self.probing, left_within_bound };
                 self.job.keep(step.to_record(), [], &setup)?;
                 setup
             }

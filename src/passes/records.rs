@@ -26,6 +26,8 @@ pub(super) struct PassSetup {
     pub texture: TextureTraits,
     /// How clusters are probed, if they are those of the input.
     pub probing: Option<Probing>,
+    /// Before the first pass under a bound on the deviation: the share of the faces that it alone would leave.
+    pub left_within_bound: Option<f64>,
 }
 
 impl Recalled for PassSetup {
@@ -34,6 +36,7 @@ impl Recalled for PassSetup {
     fn is_sound(&self, &(partition, catalogue): &(&Partition, &Catalogue)) -> bool {
         self.stops.is_sound(&partition.cluster_count())
             && self.texture.scale.is_sound(catalogue)
+            && self.left_within_bound.is_none_or(f64::is_finite)
             && self.probing.iter().all(|probing| probing.is_sound(partition.total_faces()))
     }
 }

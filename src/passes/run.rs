@@ -160,7 +160,7 @@ impl<'a> Run<'a> {
 
     /// What the engine may do in a pass.
     pub(super) fn rules(&self, pass: Pass) -> EngineRules {
-        self.options.rules(pass, self.bound_of(pass))
+        self.options.rules(pass, self.aim())
     }
 
     pub(super) fn load(&self, partition: &Partition, cluster: ClusterId) -> Result<ClusterSource> {

@@ -2,8 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::goal::Lead;
 use super::options::PassOptions;
 use super::pass_id::{Pass, PassKind};
+use super::shares::TRIM_SHARE;
 use crate::remesh::cvd::CvdSettings;
 
 /// Largest number of passes beyond those asked for.
@@ -18,6 +20,11 @@ const FLOOR_SHARE: f64 = 1e-4;
 /// So does one that removes at most this share of the faces above the target: it would take ever more passes to get
 /// there.
 const CLOSER_SHARE: f64 = 1.0 / 64.0;
+/// If a bound on the deviation leaves less than this share of the faces, the first pass uses half of it.
+const DEEP_SHARE: f64 = 0.03;
+/// The bound leads up to a target of this many times the faces that it alone would leave: passes led by the target use
+/// up the bound in the order of cost, and end above a target that lies so near.
+const LEAD_FACTOR: f64 = 2.5;
 /// Remeshing passes for a target in cells, if there are several clusters.
 pub const CELL_PASSES: usize = 3;
 
@@ -32,6 +39,10 @@ pub struct Schedule {
     remeshed_clusters: u64,
     /// Number of consecutive passes that removed almost no faces.
     stuck: u32,
+    /// Whether the target or the bound on the deviation says where a pass ends.
+    pub(super) lead: Lead,
+    /// Whether the other one did before.
+    has_turned: bool,
     /// Whether the target is met.
     pub(super) reached: bool,
     /// Whether no pass follows.
@@ -107,20 +118,36 @@ impl Schedule {
     pub(super) fn end_collapsing(&mut self, end: PassEnd, options: &PassOptions) {
         self.pass += 1;
         let gained_less_than = |share: f64| (end.gained() as f64) < end.faces_in as f64 * share;
-        if options.max_error.is_some() && options.target == 0 {
-            self.reached = end.is_last && (end.is_single || gained_less_than(BOUNDED_LAST_SHARE));
+        self.reached = end.is_last && end.faces_out <= options.target;
+        if self.lead != Lead::Target {
+            self.reached |= end.is_last && (end.is_single || gained_less_than(BOUNDED_LAST_SHARE));
             self.is_over = self.reached;
+            let is_near = end.faces_out as f64 <= options.target as f64 * (1.0 + TRIM_SHARE);
+            if is_near && !self.has_turned {
+                (self.lead, self.has_turned) = (Lead::Target, true);
+            }
             return;
         }
-        self.reached = end.is_last && end.faces_out <= options.target;
         self.stuck = if end.is_stuck(options.target) { self.stuck + 1 } else { 0 };
         // A single cluster has no locked rim, so one stuck pass is final. With several, vertices locked in one pass are
         // free in the next.
         let is_stuck = self.stuck > 2 || (end.is_single && self.stuck > 0);
         let is_wall = end.met_wall || (end.is_steepest && gained_less_than(WALL_SHARE));
         self.is_over = self.reached || is_wall || (end.is_last && is_stuck);
-        // With both a target and a bound, the one that stops the passes first counts as reached.
-        self.reached |= self.is_over && options.max_error.is_some();
+        if self.is_over && !self.reached && options.max_error.is_some() {
+            // The one of the two limits that stops the passes first counts as reached.
+            self.reached = self.has_turned;
+            self.is_over = self.has_turned;
+            (self.lead, self.has_turned) = (Lead::Bound, true);
+        }
+    }
+
+    /// Chooses what leads the passes under a bound, before the first one that collapses edges: `left` is the share of
+    /// the faces that the bound alone would leave.
+    pub(super) fn choose_lead(&mut self, left: f64, is_single: bool, options: &PassOptions) {
+        let is_beyond = options.target == 0 || LEAD_FACTOR * left * options.input as f64 > options.target as f64;
+        let of_bound = if left < DEEP_SHARE && !is_single { Lead::BoundFromHalf } else { Lead::Bound };
+        self.lead = if is_beyond { of_bound } else { Lead::Target };
     }
 
     /// The position before pass `pass`.

@@ -55,14 +55,16 @@ impl Run<'_> {
         let left: TiVec<ClusterId, u64> = first.iter().map(|result| result.counters.faces_out).collect();
         let faces_out: u64 = left.iter().sum();
         match stops {
-            StopRule::Costs(costs) if faces_out < self.options.target => {
+            StopRule::Costs(_) | StopRule::Deviation(..)
+                if faces_out < self.options.target && !partition.is_single() =>
+            {
                 // The sample did not represent the whole mesh. A cluster ends one face below its stop, or exactly at it:
                 // where that matters, all of them stop above the target, and the trim takes over.
                 let is_exact = self.has_large(partition);
                 let wanted = if is_exact { self.options.target } else { self.before_trim() };
                 let keep = give_back(&partition.face_counts(), &left, wanted);
                 let above = |faces: u64| if is_exact || faces == 0 { faces } else { faces + 1 };
-                Some(StopRule::Trim(costs.clone(), keep.into_iter().map(above).collect()))
+                stops.keeping(keep.into_iter().map(above).collect())
             }
             // A target that was met stands, whatever the last collapses cost. In earlier passes, and where the target
             // was missed, preserving the shape comes first.

@@ -40,8 +40,9 @@ pub(super) enum StopRule {
     Faces(Vec<f64>, u64),
     /// Stop each stage at a cost threshold.
     Costs(Vec<f32>),
-    /// Simplify as far as these bounds on the deviation allow, one after the other, in units of length.
-    Deviation(Vec<f64>),
+    /// Simplify as far as these bounds on the deviation allow, one after the other, in units of length, or to the face
+    /// count of each cluster.
+    Deviation(Vec<f64>, TiVec<ClusterId, u64>),
     /// Stop at cost thresholds, or at the face count of each cluster.
     Trim(Vec<f32>, TiVec<ClusterId, u64>),
 }
@@ -55,8 +56,9 @@ pub(super) enum ClusterStop {
     Faces(Vec<f64>, u64),
     /// Stop each stage at a cost threshold, or at this number of faces.
     Costs(Vec<f32>, u64),
-    /// Simplify as far as these bounds on the deviation allow, one after the other, in units of length.
-    Deviation(Vec<f64>),
+    /// Simplify as far as these bounds on the deviation allow, one after the other, in units of length, or to this
+    /// number of faces.
+    Deviation(Vec<f64>, u64),
 }
 
 impl StopRule {
@@ -66,8 +68,17 @@ impl StopRule {
             StopRule::Shares(shares) => ClusterStop::Shares(shares.clone()),
             StopRule::Faces(shares, target) => ClusterStop::Faces(shares.clone(), *target),
             StopRule::Costs(costs) => ClusterStop::Costs(costs.clone(), 0),
-            StopRule::Deviation(bounds) => ClusterStop::Deviation(bounds.clone()),
+            StopRule::Deviation(bounds, keep) => ClusterStop::Deviation(bounds.clone(), keep[cluster]),
             StopRule::Trim(costs, keep) => ClusterStop::Costs(costs.clone(), keep[cluster]),
+        }
+    }
+
+    /// The same, but each cluster keeps this number of faces; `None` if it does not depend on costs or deviations.
+    pub(super) fn keeping(&self, keep: TiVec<ClusterId, u64>) -> Option<Self> {
+        match self {
+            StopRule::Costs(costs) => Some(StopRule::Trim(costs.clone(), keep)),
+            StopRule::Deviation(bounds, _) => Some(StopRule::Deviation(bounds.clone(), keep)),
+            _ => None,
         }
     }
 
@@ -91,7 +102,7 @@ impl ClusterStop {
             _ if left == before => self.clone(),
             ClusterStop::Shares(shares) => ClusterStop::Shares(of_left(shares)),
             ClusterStop::Faces(shares, target) => ClusterStop::Faces(of_left(shares), *target),
-            ClusterStop::Costs(..) | ClusterStop::Deviation(_) => self.clone(),
+            ClusterStop::Costs(..) | ClusterStop::Deviation(..) => self.clone(),
         }
     }
 }
@@ -104,7 +115,7 @@ impl Recalled for StopRule {
         match self {
             StopRule::Shares(shares) | StopRule::Faces(shares, _) => shares.len() <= STAGES_MAX,
             StopRule::Costs(costs) => costs.len() <= STAGES_MAX,
-            StopRule::Deviation(bounds) => bounds.len() <= STAGES_MAX,
+            StopRule::Deviation(bounds, keep) => bounds.len() <= STAGES_MAX && keep.len() == *cluster_count,
             StopRule::Trim(costs, keep) => costs.len() <= STAGES_MAX && keep.len() == *cluster_count,
         }
     }
@@ -117,7 +128,7 @@ impl Recalled for StopRule {
 pub(super) fn run_stages_to<M: Metric>(engine: &mut Engine<M>, stop: &ClusterStop, wanted: Wanted) -> f32 {
     let faces = engine.mesh.face_count;
     let stages: Vec<Stop> = match stop {
-        ClusterStop::Deviation(bounds) => return run_bounded(engine, bounds),
+        ClusterStop::Deviation(bounds, keep) => return run_bounded(engine, bounds, *keep as usize),
         ClusterStop::Costs(costs, keep) => costs.iter().map(|&cost| Stop::Cost(cost, *keep as usize)).collect(),
         ClusterStop::Shares(shares) => {
             let free = engine.count_free_faces();
@@ -150,40 +161,51 @@ pub(super) fn run_stages_to<M: Metric>(engine: &mut Engine<M>, stop: &ClusterSto
 
 /// Runs stages under each bound on the deviation in turn; returns the highest cost. An earlier bound yields to the next
 /// once a stage cannot remove all that it may. Under the last bound, deviations are recomputed and the slack that this
-/// gains is used, as long as many faces go.
-fn run_bounded<M: Metric>(engine: &mut Engine<M>, bounds: &[f64]) -> f32 {
+/// gains is used, as long as many faces go. At least `keep` faces stay.
+fn run_bounded<M: Metric>(engine: &mut Engine<M>, bounds: &[f64], keep: usize) -> f32 {
     let Some((&last, before)) = bounds.split_last() else { return 0.0 };
     let first = Anchor::of(&engine.mesh);
     let mut highest = 0f32;
     for &most in before {
         engine.bound_deviation(most);
-        highest = highest.max(run_stages(engine, 1.0 - BOUNDED_STAGE_KEEPS));
+        highest = highest.max(run_stages(engine, 1.0 - BOUNDED_STAGE_KEEPS, keep));
     }
     engine.bound_deviation(last);
-    highest = highest.max(run_stages(engine, BOUNDED_STAGE_SHARE));
+    highest = highest.max(run_stages(engine, BOUNDED_STAGE_SHARE, keep));
     let (mut before, mut most) = (first.face_count(), TIGHTENED_BELOW);
     for _ in 0..TIGHTENED_TIMES {
         let left = engine.mesh.face_count;
         if !is_at_most(left, most, before) || !first.tighten(&mut engine.mesh, last) {
             break;
         }
-        highest = highest.max(run_stages(engine, BOUNDED_STAGE_SHARE));
+        highest = highest.max(run_stages(engine, BOUNDED_STAGE_SHARE, keep));
         (before, most) = (left, TIGHTENED_KEEPS);
     }
     highest
 }
 
-/// Runs stages while each removes more than the share `least` of the faces; returns the highest cost.
-fn run_stages<M: Metric>(engine: &mut Engine<M>, least: f64) -> f32 {
+/// Runs stages while each removes more than the share `least` of the faces, down to `keep` faces; returns the highest
+/// cost.
+fn run_stages<M: Metric>(engine: &mut Engine<M>, least: f64, keep: usize) -> f32 {
     let mut highest = 0f32;
     loop {
         let before = engine.mesh.face_count;
-        let goal = (before as f64 * BOUNDED_STAGE_KEEPS) as usize;
+        let goal = ((before as f64 * BOUNDED_STAGE_KEEPS) as usize).max(keep);
         highest = highest.max(engine.run(Stop::Cost(f32::INFINITY, goal)).cost);
         if is_at_most(before - engine.mesh.face_count, least, before) {
             return highest;
         }
     }
+}
+
+/// Simplifies a sample as far as these bounds on the deviation allow; returns the share of its free faces that is left.
+pub(super) fn share_within<M: Metric>(engine: &mut Engine<M>, bounds: &[f64]) -> f64 {
+    engine.mesh.link_wedges();
+    let free = engine.count_free_faces().max(1);
+    let before = engine.mesh.face_count;
+    run_bounded(engine, bounds, 0);
+    let removed = before.saturating_sub(engine.mesh.face_count);
+    (1.0 - removed as f64 / free as f64).max(0.0)
 }
 
 /// Whether a number of faces is at most this share of another.
@@ -206,7 +228,7 @@ mod tests {
         assert_eq!(of(StopRule::Shares(vec![0.5, 0.25])), ClusterStop::Shares(vec![0.5, 0.25]));
         assert_eq!(of(StopRule::Faces(vec![0.5], 7)), ClusterStop::Faces(vec![0.5], 7));
         assert_eq!(of(StopRule::Costs(vec![1.0, 3.0])), ClusterStop::Costs(vec![1.0, 3.0], 0));
-        assert_eq!(of(StopRule::Deviation(vec![0.5])), ClusterStop::Deviation(vec![0.5]));
+        assert_eq!(of(StopRule::Deviation(vec![0.5], vec![4, 9].into())), ClusterStop::Deviation(vec![0.5], 9));
         assert_eq!(of(StopRule::Trim(vec![2.0], vec![7, 8, 9].into())), ClusterStop::Costs(vec![2.0], 8));
         assert_eq!(StopRule::Costs(vec![1.0, 3.0, 2.0]).highest_cost(), Some(3.0));
         assert_eq!(StopRule::Trim(vec![2.0], vec![7].into()).highest_cost(), None);
@@ -228,7 +250,7 @@ mod tests {
                     other => panic!("{other:?}"),
                 }
             );
-            for other in [ClusterStop::Costs(vec![0.5], 9), ClusterStop::Deviation(shares.clone())] {
+            for other in [ClusterStop::Costs(vec![0.5], 9), ClusterStop::Deviation(shares.clone(), 0)] {
                 prop_assert_eq!(other.of_rest(before, left), other);
             }
             if left == before {
@@ -322,7 +344,7 @@ mod tests {
         };
         assert!(forces(ClusterStop::Faces(vec![0.5, 0.3], 20)));
         let others =
-            [ClusterStop::Shares(vec![0.5]), ClusterStop::Costs(vec![0.1], 0), ClusterStop::Deviation(vec![0.1])];
+            [ClusterStop::Shares(vec![0.5]), ClusterStop::Costs(vec![0.1], 0), ClusterStop::Deviation(vec![0.1], 0)];
         assert_eq!(others.map(forces), [false; 3]);
     }
 
@@ -330,7 +352,7 @@ mod tests {
     fn a_bound_on_the_way_says_what_goes_first_and_not_what_is_allowed() {
         let run = |bounds: &[f64]| {
             let mut engine = Engine::<SurfaceCost>::new(samples::grid(20, 0.3), &Default::default());
-            assert!(run_stages_to(&mut engine, &ClusterStop::Deviation(bounds.to_vec()), Wanted::Mesh) > 0.0);
+            assert!(run_stages_to(&mut engine, &ClusterStop::Deviation(bounds.to_vec(), 0), Wanted::Mesh) > 0.0);
             let mesh = engine.finish();
             (mesh.corners.len(), mesh.deviations.iter().fold(0.0, |most: f64, &own| most.max(own.into())))
         };
@@ -350,7 +372,7 @@ mod tests {
                 StopRule::Shares(shares.clone()),
                 StopRule::Faces(shares.clone(), 7),
                 StopRule::Costs(costs.clone()),
-                StopRule::Deviation(shares),
+                StopRule::Deviation(shares, vec![7].into()),
                 StopRule::Trim(costs, vec![7].into()),
             ];
             rules.iter().for_each(|rule| assert_eq!(rule.is_sound(&1), is_sound, "{rule:?}"));
@@ -387,7 +409,7 @@ mod tests {
         let first = Anchor::of(&engine.mesh);
         for (i, &bound) in bounds.iter().enumerate() {
             engine.bound_deviation(bound);
-            run_stages(engine, if i + 1 < bounds.len() { 0.4 } else { 0.02 });
+            run_stages(engine, if i + 1 < bounds.len() { 0.4 } else { 0.02 }, 0);
         }
         let last = bounds[bounds.len() - 1];
         let mut before = first.face_count() as f64 * 0.7;
@@ -402,7 +424,7 @@ mod tests {
             }
             if times < 2 {
                 engine.mesh = tightened;
-                run_stages(engine, 0.02);
+                run_stages(engine, 0.02, 0);
                 before = left * 0.9;
             }
         }
@@ -417,7 +439,7 @@ mod tests {
                 for bounds in [vec![last], vec![0.5 * last, last], vec![last, 1e-6]] {
                     let [mut engine, mut other] =
                         [(); 2].map(|()| Engine::<SurfaceCost>::new(mesh.clone(), &Default::default()));
-                    let cost = run_bounded(&mut engine, &bounds);
+                    let cost = run_bounded(&mut engine, &bounds, 0);
                     reasons.insert(run_by_hand(&mut other, &bounds));
                     assert_eq!(engine.milestones, other.milestones, "{bounds:?}");
                     assert_eq!(cost, engine.milestones.iter().fold(0.0, |most: f32, stage| most.max(stage.cost)));
@@ -436,7 +458,7 @@ mod tests {
                 let mut engine = Engine::<SurfaceCost>::new(mesh.clone(), &Default::default());
                 let mut before = engine.mesh.face_count as f64;
                 engine.bound_deviation(bound);
-                run_stages(&mut engine, least);
+                run_stages(&mut engine, least, 0);
                 let stage_count = engine.milestones.len();
                 for (i, stage) in engine.milestones.iter().enumerate() {
                     let removed = before - stage.faces as f64;
@@ -449,11 +471,52 @@ mod tests {
     }
 
     #[test]
+    fn a_bound_yields_to_the_faces_that_are_to_stay() {
+        let run = |keep| {
+            let mut engine = Engine::<SurfaceCost>::new(samples::grid(20, 0.3), &Default::default());
+            run_stages_to(&mut engine, &ClusterStop::Deviation(vec![0.15, 0.3], keep), Wanted::Mesh);
+            engine.mesh.face_count as u64
+        };
+        let least = run(0);
+        assert!(least < 300, "{least}");
+        for keep in [least / 2, least, 400, 800] {
+            let wanted = least.max(keep);
+            assert!((wanted.saturating_sub(1)..=wanted).contains(&run(keep)), "{} of {keep}", run(keep));
+        }
+    }
+
+    #[test]
+    fn a_sample_tells_which_share_of_the_free_faces_a_bound_leaves() {
+        let share = |bound: f64| {
+            let mut engine = Engine::<SurfaceCost>::new(samples::grid(20, 0.3), &Default::default());
+            let before = engine.mesh.face_count as f64;
+            let share = share_within(&mut engine, &[bound]);
+            let left = engine.mesh.face_count as f64 / before;
+            assert!((share - left).abs() < 0.02, "{share}, {left} of all");
+            share
+        };
+        assert_eq!(share(0.0), 1.0);
+        assert!(share(0.3) < 0.4 && share(0.3) < share(0.1) && share(0.1) < 1.0);
+        let mut nothing = Engine::<SurfaceCost>::new(ClusterMesh::default(), &Default::default());
+        assert_eq!(share_within(&mut nothing, &[1.0]), 1.0);
+    }
+
+    #[test]
+    fn rules_that_depend_on_costs_or_deviations_may_end_at_face_counts() {
+        let keeping = |rule: StopRule| rule.keeping(vec![7].into()).map(|rule| rule.of(ClusterId::new(0)));
+        assert_eq!(keeping(StopRule::Costs(vec![1.0])), Some(ClusterStop::Costs(vec![1.0], 7)));
+        let within = StopRule::Deviation(vec![0.5], vec![0].into());
+        assert_eq!(keeping(within), Some(ClusterStop::Deviation(vec![0.5], 7)));
+        assert_eq!(keeping(StopRule::Shares(vec![0.5])), None);
+        assert_eq!(keeping(StopRule::Faces(vec![0.5], 9)), None);
+    }
+
+    #[test]
     fn without_bounds_or_faces_nothing_happens() {
         let mut engine = Engine::<SurfaceCost>::new(samples::grid(6, 0.3), &Default::default());
-        assert_eq!(run_stages_to(&mut engine, &ClusterStop::Deviation(Vec::new()), Wanted::Mesh), 0.0);
+        assert_eq!(run_stages_to(&mut engine, &ClusterStop::Deviation(Vec::new(), 0), Wanted::Mesh), 0.0);
         assert!(engine.milestones.is_empty());
         let mut engine = Engine::<SurfaceCost>::new(ClusterMesh::default(), &Default::default());
-        assert_eq!(run_stages_to(&mut engine, &ClusterStop::Deviation(vec![0.1, 0.2]), Wanted::Mesh), 0.0);
+        assert_eq!(run_stages_to(&mut engine, &ClusterStop::Deviation(vec![0.1, 0.2], 0), Wanted::Mesh), 0.0);
     }
 }

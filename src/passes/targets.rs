@@ -2,7 +2,7 @@
 //! costs of all clusters.
 
 use super::clusters::Sweep;
-use super::goal::{Aim, Goal};
+use super::goal::{Aim, Goal, half_first};
 use super::metric_engine::EngineRules;
 use super::options::{PassOptions, SeamPolicy};
 use super::pass_id::Pass;
@@ -17,6 +17,7 @@ use crate::mesh::ClusterMesh;
 use crate::partition::reading::{self, ClusterFaces};
 use crate::partition::weight::ORDINARY_BYTES;
 use crate::partition::{ClusterId, Partition};
+use crate::simplify::Anchor;
 
 /// Mean faces per cluster at the target from which a trim uses shares instead of costs.
 const SHARED_TRIM_FACES: u64 = 5_000;
@@ -42,14 +43,9 @@ impl Run<'_> {
         self.options.max_error.map(|most| most.max(self.noise))
     }
 
-    /// Deviation allowed in a pass, in units of length; it doubles from pass to pass. `None` if it is unbounded.
-    pub(super) fn bound_of(&self, pass: Pass) -> Option<f64> {
-        self.aim().bound_of(pass.turn)
-    }
-
-    fn aim(&self) -> Aim {
+    pub(super) fn aim(&self) -> Aim {
         let &PassOptions { target, input, passes, .. } = self.options;
-        Aim { target, input, passes, bound: self.bound() }
+        Aim { target, input, passes, bound: self.bound(), lead: self.state.schedule.lead }
     }
 
     /// Returns the cost thresholds of a pass over `faces` faces in several clusters, measured on a sample of them.
@@ -74,7 +70,7 @@ impl Run<'_> {
         let (aim, turn) = (self.aim(), pass.turn);
         let goal = aim.goal(turn, faces);
         if let Goal::Deviation(most) = goal {
-            return Ok((aim.within(most, turn), false));
+            return Ok((aim.within(most, turn, partition.cluster_count()), false));
         }
         if partition.is_single() {
             return Ok((aim.in_one_cluster(turn, faces), aim.is_last(turn)));
@@ -95,10 +91,36 @@ impl Run<'_> {
 
     /// Returns the thresholds for these shares of the faces, measured on a sample.
     fn thresholds(&self, sample: ClusterMesh, pass: Pass, shares: &[f64]) -> Vec<f32> {
-        let _permit =
-            self.permits.take(sample.corners.len() as u64 * (ORDINARY_BYTES + self.options.cost.extra_face_bytes()));
-        let rules = EngineRules { lock_seams: self.options.seams == SeamPolicy::Lock, ..self.rules(pass) };
-        self.engine.thresholds(sample, &rules, shares)
+        let _permit = self.permits.take(self.bytes_of_sample(&sample));
+        self.engine.thresholds(sample, &self.sample_rules(pass), shares)
+    }
+
+    /// Memory in bytes of a sample while it is simplified.
+    fn bytes_of_sample(&self, sample: &ClusterMesh) -> u64 {
+        sample.corners.len() as u64 * (ORDINARY_BYTES + self.options.cost.extra_face_bytes())
+    }
+
+    /// What the engine may do to a sample: what it may do to the clusters in all passes together.
+    fn sample_rules(&self, pass: Pass) -> EngineRules {
+        EngineRules { lock_seams: self.options.seams == SeamPolicy::Lock, ..self.rules(pass) }
+    }
+
+    /// Returns the share of the faces that the bound on the deviation alone would leave, measured on a sample; `None`
+    /// without a bound. In a single cluster without a target nothing depends on it: it is not measured.
+    pub(super) fn left_within_bound(&self, partition: &Partition, pass: Pass) -> Result<Option<f64>> {
+        let Some(bound) = self.aim().bound_of(pass.turn) else { return Ok(None) };
+        let mut sample = self.state.sample.clone();
+        if partition.is_single() {
+            let survey = self.first_survey(partition);
+            if self.options.target == 0 || survey.clusters().is_empty() {
+                return Ok(Some(1.0));
+            }
+            let only = ClusterId::new(0);
+            let _permit = self.permits.take(self.cluster_bytes(partition, only));
+            sample = self.patch_of_faces(&survey, partition, reading::read(partition, &self.state.mesh, only)?);
+        }
+        let _permit = self.permits.take(Anchor::with_room(self.bytes_of_sample(&sample)));
+        Ok(Some(self.engine.share_within(sample, &self.sample_rules(pass), &half_first(bound))))
     }
 
     /// Chooses the clusters that give patches during a pass, as the sample for the next pass.
@@ -108,9 +130,9 @@ impl Run<'_> {
     }
 
     /// Chooses the clusters that give patches before the first pass. No other work overlaps this sampling, so it uses
-    /// half the faces if later passes can correct its error.
+    /// half the faces if later passes can correct its error. That is not so if it says how far a bound reaches.
     pub(super) fn first_survey(&self, partition: &Partition) -> Survey {
-        let is_only = self.options.passes <= 1;
+        let is_only = self.options.passes <= 1 || self.options.max_error.is_some();
         let purpose = self.aim().purpose(0, partition.total_faces() as f64);
         Survey::new(&loaded_faces(partition), purpose, if is_only { 1.0 } else { 0.5 })
     }

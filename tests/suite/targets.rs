@@ -212,8 +212,30 @@ fn a_target_and_a_bound_end_a_run_whichever_comes_first() {
         let bounded = run(None, Some(0.05), cluster_faces);
         assert!((2000..7200).contains(&bounded), "{bounded}");
         let both = run(Some(100), Some(0.05), cluster_faces);
-        assert!((bounded as f64 * 0.8..7200.0).contains(&(both as f64)), "{both}, by the bound alone {bounded}");
+        assert!((bounded as f64 * 0.9..bounded as f64 * 1.1).contains(&(both as f64)), "{both} for {bounded}");
         assert!((998..=1000).contains(&run(Some(1000), Some(100.0), cluster_faces)));
+    }
+}
+
+/// Whoever also asks for a number of faces gets it if the bound alone allows it, and else what the bound allows.
+#[test]
+fn a_target_beside_a_bound_costs_no_faces() {
+    for (cluster_faces, bound) in [(50_000, 0.2), (50_000, 1.0), (2_000, 0.2), (2_000, 1.0)] {
+        let run = |target: Target| {
+            let options = SimplifyOptions { target, cluster_faces, ..SimplifyOptions::default() };
+            let run = simplify(&town(), &options);
+            assert_eq!(run.report.status, Status::Done);
+            run.report.faces.output as f64
+        };
+        let alone = run(Target::max_error(bound));
+        for share in [0.05, 0.5, 0.9, 1.1, 1.5, 2.0, 3.0] {
+            let target = (alone * share) as u64;
+            let both = run(Target::faces(target).within(bound));
+            let most = (target as f64).max(1.1 * alone);
+            assert!(both <= most, "{both} triangles of {target}, by the bound of {bound} alone {alone}");
+            let spare = (target as f64 / 1000.0).max(2.0);
+            assert!(both >= target as f64 - spare, "{both} triangles of {target}");
+        }
     }
 }
 

@@ -82,16 +82,19 @@ fn a_number_of_cells_takes_three_remeshing_passes_over_several_clusters_and_no_o
 fn verdict(ends: &[PassEnd], options: &PassOptions) -> (bool, bool) {
     let end = ends[ends.len() - 1];
     let removed = end.faces_in - end.faces_out;
-    if options.target == 0 && options.max_error.is_some() {
-        let is_over = end.is_last && (end.is_single || removed * 100 < end.faces_in * 2);
-        return (is_over, is_over);
-    }
     let stuck_count = ends.iter().rev().take_while(|end| end.is_stuck(options.target)).count();
     let is_met = end.is_last && end.faces_out <= options.target;
     let has_wall = end.met_wall || end.is_steepest && removed * 100 < end.faces_in * 8;
     let most = if end.is_single { 1 } else { 3 };
     let is_over = is_met || has_wall || end.is_last && stuck_count >= most;
-    (is_met || is_over && options.max_error.is_some(), is_over)
+    (is_met, is_over)
+}
+
+/// The same if the bound leads.
+fn verdict_within(end: PassEnd, target: u64) -> (bool, bool) {
+    let removed = end.faces_in - end.faces_out;
+    let is_over = end.is_last && (end.faces_out <= target || end.is_single || removed * 100 < end.faces_in * 2);
+    (is_over, is_over)
 }
 
 /// Ends of passes: most remove nearly nothing, some exactly or nearly as much as decides.
@@ -119,13 +122,26 @@ proptest! {
     fn passes_end_at_the_target_at_a_wall_or_where_they_are_stuck(
         ends in prop::collection::vec(end(), 1..7),
         target in prop::sample::select(vec![0, 1, 5_000, 9_800, 9_999]),
-        is_bounded in any::<bool>(),
+        bound in prop::sample::select(vec![None, Some(Lead::Target), Some(Lead::Bound), Some(Lead::BoundFromHalf)]),
     ) {
-        let options = options(target, is_bounded.then_some(1.0), None);
-        let mut schedule = Schedule::default();
+        let options = options(target, bound.map(|_| 1.0), None);
+        let mut schedule = Schedule { lead: bound.unwrap_or_default(), ..Schedule::default() };
+        // Number of times that the lead changed, and passes before the last time.
+        let (mut turned, mut since) = (0, 0);
         for count in 1..=ends.len() {
+            let lead = schedule.lead;
             schedule.end_collapsing(ends[count - 1], &options);
-            let expected = verdict(&ends[..count], &options);
+            let (is_met, is_over) = match lead {
+                Lead::Target => verdict(&ends[since..count], &options),
+                _ => verdict_within(ends[count - 1], target),
+            };
+            // What ends above the target goes on as far as the bound allows, once.
+            let goes_on = bound.is_some() && lead == Lead::Target && is_over && !is_met;
+            let expected = if goes_on { (turned > 0, turned > 0) } else { (is_met, is_over) };
+            if schedule.lead != lead && !schedule.is_over {
+                (turned, since) = (turned + 1, count);
+            }
+            prop_assert!(turned <= 1 && (bound.is_some() || turned == 0));
             prop_assert_eq!((schedule.reached, schedule.is_over), expected, "{:?}", &ends[..count]);
             prop_assert_eq!(schedule.next(&options).is_none(), schedule.is_over);
             prop_assert_eq!(schedule.pass, count);
@@ -134,6 +150,39 @@ proptest! {
             }
         }
     }
+}
+
+#[test]
+fn the_bound_leads_if_the_target_lies_near_it_or_beyond() {
+    let lead = |left: f64, is_single, target| {
+        let mut schedule = Schedule::default();
+        schedule.choose_lead(left, is_single, &options(target, Some(1.0), None));
+        schedule.lead
+    };
+    for is_single in [false, true] {
+        // Half of the faces, and 2.5 times as many.
+        assert_eq!(lead(0.5, is_single, 0), Lead::Bound);
+        assert_eq!(lead(0.2, is_single, 4_999), Lead::Bound);
+        assert_eq!(lead(0.2, is_single, 5_000), Lead::Target);
+        assert_eq!(lead(0.0, is_single, 100), Lead::Target);
+    }
+    assert_eq!(lead(0.02, false, 100), Lead::BoundFromHalf);
+    assert_eq!(lead(0.02, true, 100), Lead::Bound);
+    assert_eq!(lead(0.0, false, 0), Lead::BoundFromHalf);
+}
+
+#[test]
+fn a_bound_that_reaches_to_the_target_leaves_the_rest_to_it() {
+    let options = options(5_000, Some(1.0), None);
+    let after = |faces_out| {
+        let mut schedule = Schedule { lead: Lead::Bound, ..Schedule::default() };
+        schedule.end_collapsing(PassEnd { faces_out, is_last: true, ..HALVES }, &options);
+        (schedule.lead, schedule.reached)
+    };
+    assert!(after(5_000).1);
+    assert_eq!(after(5_001), (Lead::Target, false));
+    assert_eq!(after(5_300), (Lead::Target, false));
+    assert_eq!(after(5_301), (Lead::Bound, false));
 }
 
 #[test]

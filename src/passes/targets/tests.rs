@@ -13,6 +13,7 @@ use crate::model::id::{FileId, PieceTexcoord, PieceVertex};
 use crate::model::piece::write_piece;
 use crate::model::{Catalogue, Face, Part, StoredMesh};
 use crate::passes::floor::Floor;
+use crate::passes::goal::Lead;
 use crate::passes::metric_engine::{MetricEngine, Simplified};
 use crate::passes::options::Cost;
 use crate::passes::options::samples::three_passes;
@@ -93,6 +94,11 @@ impl<F: Fn(u64) -> Vec<(f32, u64)> + Sync> MetricEngine for Inventor<F> {
     fn thresholds(&self, _: ClusterMesh, rules: &EngineRules, shares: &[f64]) -> Vec<f32> {
         lock(&self.asked).samples.push((*rules, shares.to_vec()));
         shares.iter().map(|&share| share as f32).collect()
+    }
+
+    fn share_within(&self, sample: ClusterMesh, rules: &EngineRules, bounds: &[f64]) -> f64 {
+        lock(&self.asked).samples.push((*rules, bounds.to_vec()));
+        0.25 * sample.face_count as f64 / FACES as f64
     }
 }
 
@@ -176,13 +182,16 @@ fn clusters_stop_as_the_goal_of_the_pass_says() {
     let plan = |options: PassOptions, turn, faces, thresholds: &[f32]| {
         let mut run = bench.run(&options, no_collapses);
         let partition = run.partition(pass(0)).unwrap();
+        if options.max_error.is_some() {
+            run.state.schedule.lead = Lead::Bound;
+        }
         run.plan(&partition, thresholds.to_vec(), pass(turn), faces).unwrap()
     };
     let single = PassOptions { cluster_faces: FACES, ..options(400) };
     let bounded = PassOptions { max_error: Some(1.0), target: 0, ..options(0) };
     for options in [bounded, PassOptions { target: 0, max_error: Some(1.0), ..single }] {
-        assert!(matches!(plan(options, 1, FACES, &[]), (StopRule::Deviation(_), false)));
-        assert!(matches!(plan(options, 2, FACES, &[]), (StopRule::Deviation(_), false)));
+        assert!(matches!(plan(options, 1, FACES, &[]), (StopRule::Deviation(..), false)));
+        assert!(matches!(plan(options, 2, FACES, &[]), (StopRule::Deviation(..), false)));
     }
     assert!(matches!(plan(single, 1, FACES, &[]), (StopRule::Shares(_), false)));
     assert!(matches!(plan(single, 2, FACES, &[]), (StopRule::Faces(_, 400), true)));
@@ -255,7 +264,58 @@ fn a_sample_is_simplified_to_the_shares_of_its_pass_with_seams_free() {
         assert!(extra > 0);
         assert_eq!(run.permits.peak(), faces * (ORDINARY_BYTES + extra));
         let bounded = PassOptions { target: 0, max_error: Some(1.0), ..options };
-        assert!(bench.run(&bounded, no_collapses).sample_thresholds(mesh, pass(0), FACES).is_empty());
+        let mut run = bench.run(&bounded, no_collapses);
+        run.state.schedule.lead = Lead::Bound;
+        assert!(run.sample_thresholds(mesh, pass(0), FACES).is_empty());
+    }
+}
+
+/// What the sample says that a bound leaves, and which bounds and how much of the mesh it was measured with.
+#[test]
+fn a_bound_is_tried_on_a_sample_with_seams_free_where_something_depends_on_it() {
+    for (policy, locks) in [(SeamPolicy::Stitch, false), (SeamPolicy::Lock, true)] {
+        for (cluster_faces, target, is_measured) in
+            [(100, 400, true), (100, 0, true), (FACES, 400, true), (FACES, 0, false)]
+        {
+            let bench = Bench::new(SIDE, 0);
+            let options = PassOptions { seams: policy, max_error: Some(2.0), cluster_faces, ..options(target) };
+            let mut run = bench.run(&options, no_collapses);
+            let partition = run.partition(pass(0)).unwrap();
+            assert_eq!(partition.is_single(), cluster_faces == FACES);
+            run.state.sample = if partition.is_single() { ClusterMesh::default() } else { samples::grid(10, 0.3) };
+            let left = run.left_within_bound(&partition, pass(0)).unwrap();
+            let asked = lock(&bench.asked).samples.pop();
+            assert_eq!(asked.is_some(), is_measured);
+            if let Some((rules, bounds)) = asked {
+                assert_eq!(rules.lock_seams, locks);
+                assert_eq!(bounds, [1.96 / 2.0, 1.96]);
+                // All of the only cluster, or the sample of several.
+                assert_eq!(left, Some(if partition.is_single() { 0.25 } else { 0.25 / 4.0 }));
+            } else {
+                assert_eq!(left, Some(1.0));
+            }
+        }
+    }
+    let bench = Bench::new(SIDE, 0);
+    let unbounded = options(400);
+    let mut run = bench.run(&unbounded, no_collapses);
+    let partition = run.partition(pass(0)).unwrap();
+    assert_eq!(run.left_within_bound(&partition, pass(0)).unwrap(), None);
+}
+
+#[test]
+fn seams_are_free_in_the_first_pass_if_the_bound_leads_it() {
+    let bench = Bench::new(SIDE, 0);
+    for (policy, lead, locks) in [
+        (SeamPolicy::Stitch, Lead::Target, [true, false]),
+        (SeamPolicy::Stitch, Lead::Bound, [false, false]),
+        (SeamPolicy::Stitch, Lead::BoundFromHalf, [false, false]),
+        (SeamPolicy::Lock, Lead::Bound, [true, true]),
+    ] {
+        let options = PassOptions { seams: policy, max_error: Some(2.0), ..options(400) };
+        let mut run = bench.run(&options, no_collapses);
+        run.state.schedule.lead = lead;
+        assert_eq!([0, 1].map(|turn| run.rules(pass(turn)).lock_seams), locks, "{policy:?}, {lead:?}");
     }
 }
 
