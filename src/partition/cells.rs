@@ -19,8 +19,9 @@ use crate::model::StoredMesh;
 const GRID_SIDES: [usize; 2] = [128, 32];
 /// Largest number of parts refined in one sweep over the vertices.
 const PARTS_PER_SWEEP: usize = 64;
-/// Largest number of refinements of a part. Each divides its extent by 32, and a double has 53 bits.
-const REFINEMENTS_MAX: usize = 12;
+/// Largest number of refinements of a part. Each divides its extent by 32; together they divide 10³⁸, the largest
+/// coordinate, by more than 10⁴⁵.
+const REFINEMENTS_MAX: usize = 30;
 /// Largest distance of a plane from its wanted position, as a share of the vertices of the part it splits.
 const PLANE_PLAY: f64 = 0.1;
 /// Share of the vertices below the first planes, by pass modulo 3. They differ so that no plane of one pass returns in
@@ -466,6 +467,14 @@ mod tests {
         let mut positions: Vec<DVec3> =
             (0..10_000).map(|i| DVec3::new(f64::from(i % 100), f64::from(i / 100), 0.0) * 1e-9).collect();
         positions.push(DVec3::splat(1e6));
+        assert!(largest(&planned(&positions, 2000, 0), &positions) <= 1000);
+    }
+
+    #[test]
+    fn a_crowd_beside_the_farthest_vertex_is_cut_too() {
+        let mut positions: Vec<DVec3> =
+            (0..10_000).map(|i| DVec3::new(f64::from(i % 100), f64::from(i / 100), 0.0)).collect();
+        positions.push(DVec3::splat(3.4e38));
         assert!(largest(&planned(&positions, 2000, 0), &positions) <= 1000);
     }
 
