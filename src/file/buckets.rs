@@ -18,6 +18,8 @@ use crate::os::system::read_exact_at;
 
 /// Memory of all buffers together, in bytes.
 const BUFFERS_BYTES: usize = 12 << 20;
+/// Smallest number of records of a cell that are buffered; with more cells, all share the buffers.
+const BUFFERED_RECORDS_MIN: usize = 64;
 /// Largest number of records in an extent.
 const EXTENT_RECORDS_MAX: usize = 32 << 10;
 /// Smallest number of records of one cell, in a batch, that are written as an extent of their own.
@@ -95,6 +97,9 @@ pub struct BucketWriter<T, K = usize> {
     extents: Vec<Vec<Extent>>,
     bytes: Vec<u8>,
     extent_records: usize,
+    /// Records of all cells that are buffered at most, if the cells are many.
+    shared_records: Option<usize>,
+    buffered_records: usize,
     count: u64,
     key: PhantomData<K>,
 }
@@ -105,12 +110,17 @@ impl<T: Record, K: CellKey> BucketWriter<T, K> {
     /// # Errors
     /// If the file cannot be created.
     pub fn create(path: &Path, cell_count: usize) -> Result<Self> {
+        let own_records = BUFFERS_BYTES / size_of::<T>() / cell_count.max(1);
+        // Buffers grow by doubling, so half of the memory may be unused.
+        let shared_records = (own_records < BUFFERED_RECORDS_MIN).then_some(BUFFERS_BYTES / size_of::<T>() / 2);
         Ok(Self {
             file: RecordFile::create(path)?,
             pending: vec![Vec::new(); cell_count],
             extents: vec![Vec::new(); cell_count],
             bytes: Vec::new(),
-            extent_records: (BUFFERS_BYTES / size_of::<T>() / cell_count.max(1)).clamp(64, extent_records_max::<T>()),
+            extent_records: own_records.clamp(BUFFERED_RECORDS_MIN, extent_records_max::<T>()),
+            shared_records,
+            buffered_records: 0,
             count: 0,
             key: PhantomData,
         })
@@ -124,7 +134,14 @@ impl<T: Record, K: CellKey> BucketWriter<T, K> {
     pub fn push(&mut self, cell: K, record: T) -> Result<()> {
         let pending = &mut self.pending[cell.into()];
         pending.push(record);
-        if pending.len() >= self.extent_records { self.flush(cell.into()) } else { Ok(()) }
+        self.buffered_records += 1;
+        if pending.len() >= self.extent_records {
+            self.flush(cell.into())
+        } else if self.shared_records.is_some_and(|most| self.buffered_records >= most) {
+            self.flush_all()
+        } else {
+            Ok(())
+        }
     }
 
     /// Appends a batch of records to their cells.
@@ -147,7 +164,11 @@ impl<T: Record, K: CellKey> BucketWriter<T, K> {
         bytes.clear();
         T::encode(&self.pending[cell], &mut bytes);
         self.write(cell, &bytes, self.pending[cell].len() as u32)?;
-        self.pending[cell].clear();
+        self.buffered_records -= self.pending[cell].len();
+        match self.shared_records {
+            Some(_) => self.pending[cell] = Vec::new(),
+            None => self.pending[cell].clear(),
+        }
         self.bytes = bytes;
         Ok(())
     }
@@ -384,6 +405,30 @@ mod tests {
         };
         buckets.read(0, check).unwrap();
         assert_eq!(next, 20_000);
+    }
+
+    #[test]
+    fn many_cells_share_the_buffers_and_keep_the_order_of_their_records() {
+        const CELLS: u32 = 100_000;
+        let folder = tempfile::tempdir().unwrap();
+        let mut writer = BucketWriter::<[u32; 2]>::create(&folder.path().join("a.buckets"), CELLS as usize).unwrap();
+        let mut most = 0;
+        // Records come scattered over all cells, then many to each.
+        let cells =
+            (0..2_000_000u64).map(|i| (i * 7919 % u64::from(CELLS)) as u32).chain((0..500_000).map(|i| i / 100));
+        for (number, cell) in (0..).zip(cells) {
+            writer.push(cell as usize, [cell, number]).unwrap();
+            if number % 100_000 == 0 {
+                most = most.max(writer.pending.iter().map(Vec::capacity).sum::<usize>() * size_of::<[u32; 2]>());
+            }
+        }
+        assert!(most <= BUFFERS_BYTES, "{most}");
+        let buckets = writer.finish().unwrap();
+        for cell in [0, 1, 4_999, 5_000, CELLS - 1] {
+            let own = buckets.to_vec(1, cell as usize).unwrap();
+            assert_eq!(own.len(), if cell < 5_000 { 120 } else { 20 });
+            assert!(own.iter().all(|record| record[0] == cell) && own.is_sorted_by_key(|record| record[1]));
+        }
     }
 
     #[test]
