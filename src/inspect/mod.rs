@@ -10,10 +10,13 @@
 //! ```
 //!
 //! # Memory
-//! Clusters in work take 200 bytes a face, the buffers of [`topology::shared`](crate::topology::shared) 24 MiB.
+//! Clusters in work take 200 bytes a face, the buffers of [`topology::shared`](crate::topology::shared) and of the faces
+//! of clusters that are too heavy to load 24 MiB.
 //!
 //! # Files
 //! Those of the scan and of one partition, in a work folder that is removed at the end.
+
+mod face_triples;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -21,6 +24,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use self::face_triples::FaceTriples;
 use crate::base::bytes::MIB;
 use crate::base::id::TiVec;
 use crate::base::ordered::map_in_order;
@@ -31,7 +35,7 @@ use crate::model::id::{ImageId, PartId};
 use crate::model::texture_file::Unusable;
 use crate::model::{Catalogue, StoredMesh};
 use crate::os::durable::temporary_folder;
-use crate::partition::{self, Partition, PartitionOptions, TextureScale, cluster};
+use crate::partition::{self, ClusterId, Partition, PartitionOptions, TextureScale, cluster, heavy};
 use crate::plan::{memory, scratch};
 use crate::read::InputChoice;
 use crate::read::{self, Scan};
@@ -264,27 +268,43 @@ impl Counting<'_> {
         let faces = self.partition.total_faces();
         progress.begin("count", faces, "faces");
         let scale = TextureScale::none(self.catalogue);
-        let permits = Permits::new(self.work_bytes.saturating_sub(BUFFERS_BYTES));
+        let partition = self.partition;
         let images: TiVec<PartId, _> = vec![ImageId::NONE; self.catalogue.parts.len()].into();
         let mut counter = Counter::create(folder, &self.partition.faces.shared, faces, 0, |_| Ok(()))?;
         let mut doubled = 0;
+        let permits = Permits::new(self.work_bytes.saturating_sub(BUFFERS_BYTES));
+        let is_light = |&cluster: &ClusterId| partition.weight(cluster).is_some();
+        let permitted = partition.clusters().filter(is_light).map(|cluster| {
+            let own = partition.weight(cluster).map_or(0, |weight| weight.bytes());
+            (permits.take(own.max(partition.face_count(cluster) * FACE_BYTES)), cluster)
+        });
         map_in_order(
-            self.partition.clusters(),
+            permitted,
             self.threads,
             self.threads + 1,
-            |cluster| {
-                let _permit = permits.take(self.partition.face_count(cluster) * FACE_BYTES);
-                let source = cluster::load(self.partition, self.mesh, self.catalogue, &scale, cluster)?;
+            |(permit, cluster)| {
+                let source = cluster::load(partition, self.mesh, self.catalogue, &scale, cluster)?;
                 let doubled = doubles(source.mesh.corner_vertices.iter().copied()).len() as u64;
-                Ok((count_cluster(&source, self.catalogue, &images)?, doubled, self.partition.face_count(cluster)))
+                let counts = count_cluster(&source, self.catalogue, &images)?;
+                Ok((permit, counts, doubled, partition.face_count(cluster)))
             },
-            |(cluster, doubles, faces)| {
+            |(_permit, cluster, doubles, faces)| {
                 doubled += doubles;
                 progress.advance(faces);
                 progress.check_stopped()?;
                 counter.push(cluster)
             },
         )?;
+        for cluster in partition.clusters().filter(|cluster| !is_light(cluster)) {
+            let mut triples = FaceTriples::create(folder, partition.face_count(cluster))?;
+            heavy::load_in_blocks(partition, self.mesh, self.catalogue, &scale, cluster, |source| {
+                triples.add(&source)?;
+                progress.advance(source.mesh.corners.len() as u64);
+                progress.check_stopped()?;
+                counter.push(count_cluster(&source, self.catalogue, &images)?)
+            })?;
+            doubled += triples.doubled()?;
+        }
         let topology = counter.finish(|ids| self.partition.numbering.positions.gather(ids))?.counts.topology;
         findings.count("degenerate_faces", topology.degenerate_faces);
         findings.count("doubled_faces", doubled);
@@ -395,6 +415,25 @@ mod tests {
                 assert_eq!(inspect_in_clusters(&(&input).into(), &options, cluster_faces, &Silent).unwrap(), whole);
             }
         }
+    }
+
+    #[test]
+    fn faces_at_one_place_are_counted_block_by_block() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        let mut text = String::new();
+        (0..100).for_each(|i| text += &format!("v {} {} 0\n", i % 10, i / 10));
+        let squares = (0..81).map(|i| i / 9 * 10 + i % 9 + 1);
+        squares.for_each(|a| text += &format!("f {a} {} {} {}\n", a + 1, a + 11, a + 10));
+        text += &"f 34 35 45\nf 34 56 45\n".repeat(50_000);
+        std::fs::write(path("a.obj"), text).unwrap();
+        let found = |cluster_faces| {
+            let options = InspectOptions { work: Some(path("work")), ..InspectOptions::default() };
+            inspect_in_clusters(&path("a.obj").into(), &options, cluster_faces, &Silent).unwrap()
+        };
+        let whole = found(CLUSTER_FACES_MAX);
+        assert_eq!(whole.faults["doubled_faces"], 99_999);
+        assert_eq!(found(20), whole);
     }
 
     #[test]

@@ -38,7 +38,10 @@ pub fn visit<T: Send>(
     };
     map_within(
         work_bytes,
-        |&cluster| partition.face_count(cluster) * face_bytes,
+        |&cluster| {
+            let own = partition.weight(cluster).map_or(0, |weight| weight.bytes());
+            own.max(partition.face_count(cluster) * face_bytes)
+        },
         partition.clusters().filter(|&cluster| partition.weight(cluster).is_some()),
         |cluster| {
             let made = work(&cluster::load(partition, mesh, catalogue, &scale, cluster)?)?;

@@ -10,7 +10,7 @@
 //!
 //! # Memory
 //! 100 bytes a face of a cluster; 16 bytes a shared vertex; 40 bytes for each component, chart and border that leaves
-//! its cluster; one bucket of shared sides at a time.
+//! its cluster; one bucket of shared sides at a time, of which no more than [`SIDES_KEPT`] of an edge stay.
 //!
 //! # Files
 //! `topology-sides.buckets` (88 bytes for each side of a face between shared vertices), removed at the end.
@@ -36,6 +36,10 @@ use crate::partition::id::PartitionVertex;
 const BUCKET_BYTES: u64 = 8 << 20;
 /// Maximum number of buckets of shared sides.
 const BUCKETS_MAX: u64 = 256;
+/// Sides of an edge that matter: an edge of three faces or more is not manifold, however many it has.
+const SIDES_KEPT: usize = 3;
+/// Sides of a bucket from which those of an edge beyond [`SIDES_KEPT`] are dropped.
+const CROWD_SIDES: usize = 2 * BUCKET_BYTES as usize / size_of::<SharedSide>();
 
 /// Result of [`Counter::finish`].
 #[derive(Debug)]
@@ -136,9 +140,14 @@ impl<'a, W: FnMut(&[SeamEdge]) -> Result<()>> Counter<'a, W> {
             border: Vec::new(),
         };
         for bucket in 0..buckets as usize {
-            let mut records: Vec<SharedSide> = Vec::with_capacity(sides.len(bucket) as usize);
+            let mut records: Vec<SharedSide> = Vec::with_capacity((sides.len(bucket) as usize).min(CROWD_SIDES));
+            let mut crowd = CROWD_SIDES;
             sides.read(bucket, |read| {
                 records.extend_from_slice(read);
+                if records.len() > crowd {
+                    matching.thin_out(&mut records);
+                    crowd = CROWD_SIDES.max(2 * records.len());
+                }
                 Ok(())
             })?;
             records.sort_unstable_by_key(|side| side.vertices);
@@ -162,6 +171,23 @@ struct Matching {
 
 impl Matching {
     /// Counts the edge of some sides; returns it if it is on a seam.
+    /// Drops the sides of each edge beyond [`SIDES_KEPT`], and joins what they join.
+    fn thin_out(&mut self, sides: &mut Vec<SharedSide>) {
+        sides.sort_by_key(|side| side.vertices);
+        let mut end = 0;
+        for at in 0..sides.len() {
+            let side = sides[at];
+            let is_beyond = end >= SIDES_KEPT && sides[end - SIDES_KEPT].vertices == side.vertices;
+            if is_beyond {
+                self.components.join(sides[end - 1].component, side.component);
+            } else {
+                sides[end] = side;
+                end += 1;
+            }
+        }
+        sides.truncate(end);
+    }
+
     fn add_edge(&mut self, edge: &[SharedSide], sum: &mut MeshSum<'_>) -> Option<SeamEdge> {
         let first = &edge[0];
         let joint = sum.counts.add_edge(edge.len(), |at| edge[at].side());
