@@ -57,6 +57,8 @@ struct PermitState {
     held: u64,
     holders: u64,
     peak: u64,
+    /// Bytes that are kept without a permit.
+    kept: u64,
 }
 
 impl Permits {
@@ -68,13 +70,23 @@ impl Permits {
     /// Waits until `bytes` are free, and takes them. A request beyond the capacity waits until no permit is held.
     pub fn take(&self, bytes: u64) -> Permit<'_> {
         let mut state = self.lock();
-        while state.holders > 0 && state.held.saturating_add(bytes) > self.capacity {
+        while state.holders > 0 && state.kept.saturating_add(state.held).saturating_add(bytes) > self.capacity {
             state = self.returned.wait(state).unwrap_or_else(|poisoned| poisoned.into_inner());
         }
         state.held += bytes;
         state.holders += 1;
         state.peak = state.peak.max(state.held);
         Permit { permits: self, bytes }
+    }
+
+    /// Sets how many bytes of the capacity are kept without a permit, because what takes them stays.
+    pub fn keep(&self, bytes: u64) {
+        self.lock().kept = bytes;
+    }
+
+    /// Returns the bytes that are lacking for a request beside what is kept; 0 if it fits once it is alone.
+    pub fn lacking(&self, bytes: u64) -> u64 {
+        self.lock().kept.saturating_add(bytes).saturating_sub(self.capacity)
     }
 
     /// Largest number of bytes held at once.
@@ -94,6 +106,13 @@ pub struct Permit<'a> {
     bytes: u64,
 }
 
+impl Permit<'_> {
+    /// Number of bytes.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+}
+
 impl Drop for Permit<'_> {
     fn drop(&mut self) {
         let mut state = self.permits.lock();
@@ -108,12 +127,14 @@ impl Drop for Permit<'_> {
 pub struct Allowance {
     most: u64,
     taken: u64,
+    /// Bytes of the same memory that something else has for now.
+    lent: u64,
 }
 
 impl Allowance {
     /// Allows `most` bytes in total.
     pub fn new(most: u64) -> Self {
-        Self { most, taken: 0 }
+        Self { most, taken: 0, lent: 0 }
     }
 
     /// Charges bytes on account of the file `path`.
@@ -122,15 +143,25 @@ impl Allowance {
     /// [`Error::Budget`] that names the file if the allowance is exceeded.
     pub fn take(&mut self, bytes: u64, path: &Path) -> Result<()> {
         self.taken = self.taken.saturating_add(bytes);
-        if self.taken <= self.most {
+        if self.taken.saturating_add(self.lent) <= self.most {
             return Ok(());
         }
         let message = format!(
             "{}: names and materials take more than the {} of memory that there is for them; see `memory`",
             escape_path(path),
-            bytes::display(self.most),
+            bytes::display(self.most.saturating_sub(self.lent)),
         );
         Err(Error::Budget { needed: None, message })
+    }
+
+    /// Sets the bytes of the same memory that something else has for now.
+    pub fn lend(&mut self, bytes: u64) {
+        self.lent = bytes;
+    }
+
+    /// Bytes taken so far.
+    pub fn taken(&self) -> u64 {
+        self.taken
     }
 
     /// Credits bytes that were freed.
@@ -173,6 +204,21 @@ mod tests {
         assert_eq!(error.kind(), ErrorKind::Budget);
         assert!(error.to_string().contains("a.mtl"), "{error}");
         assert!(allowance.take(u64::MAX, Path::new("a.mtl")).is_err());
+    }
+
+    #[test]
+    fn what_is_kept_and_lent_leaves_less_for_the_rest() {
+        let permits = Permits::new(10);
+        permits.keep(4);
+        assert_eq!([6, 9, u64::MAX].map(|bytes| permits.lacking(bytes)), [0, 3, u64::MAX - 10]);
+        drop(permits.take(9));
+        let mut allowance = Allowance::new(10);
+        allowance.lend(4);
+        allowance.take(6, Path::new("a.obj")).unwrap();
+        assert!(allowance.take(1, Path::new("a.obj")).unwrap_err().to_string().contains("than the 6 B"));
+        allowance.lend(0);
+        allowance.take(3, Path::new("a.obj")).unwrap();
+        assert_eq!(allowance.taken(), 10);
     }
 
     #[test]

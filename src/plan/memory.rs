@@ -20,8 +20,6 @@ use crate::write::share_bytes_max;
 
 /// Minimum memory of a thread for its work.
 const THREAD_BYTES: u64 = 32 * MIB;
-/// Memory of a chunk while it is parsed, for the scan's share of the budget.
-const CHUNK_BYTES: u64 = 4 * CHUNK_TEXT_BYTES;
 /// Memory of a chunk's text; also of a third of a parsed chunk, as exporters write it.
 const CHUNK_TEXT_BYTES: u64 = read::CHUNK_BYTES;
 /// Factor by which a cluster may exceed the requested size.
@@ -179,9 +177,10 @@ pub fn choose_threads(threads: Option<usize>, budget: MemoryBudget) -> usize {
 
 /// Options that share the budget among the scan's chunks.
 pub fn scan_options(budget: MemoryBudget, threads: usize) -> ScanOptions {
-    let fitting = (budget.for_work() / CHUNK_BYTES) as usize;
+    let fitting = (budget.for_work() / read::ORDINARY_BYTES) as usize;
     let chunks_in_flight = (threads * 2).min(fitting).max(1);
-    ScanOptions { threads, chunks_in_flight, catalogue_bytes: budget.for_work() }
+    let catalogue_bytes = budget.for_work() - chunks_in_flight as u64 * read::ORDINARY_BYTES;
+    ScanOptions { threads, chunks_in_flight, catalogue_bytes }
 }
 
 /// Bytes a face that each metric keeps beyond those of every cluster, as the tests of budgets expect them.

@@ -4,19 +4,24 @@
 //! counts equal those of the scan if the scan succeeds.
 //!
 //! # Memory
-//! `threads` × 512 KiB of text, plus the length of a record longer than that.
+//! `threads` × 512 KiB of text; records longer than that take up to [`COUNT_BYTES`] together, or are counted alone.
 
 use std::path::PathBuf;
 
 use super::arrays::ArraySource;
+use super::flow::{ORDINARY_BYTES, PermittedCut};
 use super::obj::ObjSource;
 use super::ply::PlySource;
 use super::source::{CHUNK_BYTES, Counts, Cutter, MeshFormat, MeshSource, TEXT_BYTES_KEPT};
 use super::texture_sample::{ChunkTexture, TextureSample};
+use crate::base::bytes::MIB;
 use crate::base::ordered::map_in_order;
 use crate::base::recycled::Recycled;
-use crate::base::{Error, Progress, Result};
+use crate::base::{Error, Permits, Progress, Result};
 use crate::file::packed::RecordBounds;
+
+/// Memory of chunks in flight; one that takes more is counted alone.
+const COUNT_BYTES: u64 = 32 * MIB;
 
 /// Counts the contents of mesh files in one streaming pass, and takes a sample of their textures if one is given. Given
 /// several files, also returns the bounding box of each.
@@ -67,11 +72,12 @@ fn count_files<S: MeshSource>(
     let mut current = None;
     let (mut counts, mut boxes) = (Counts::default(), vec![RecordBounds::default(); inputs.len()]);
     let texts = Recycled::<Vec<u8>>::default();
+    let permits = Permits::new(COUNT_BYTES.max(2 * threads as u64 * ORDINARY_BYTES));
     map_in_order(
-        Cutter::<S>::new(inputs, CHUNK_BYTES),
+        Cutter::<S>::new(inputs, CHUNK_BYTES).map(|cut| PermittedCut::<S>::new(cut, &permits)),
         threads,
         threads * 2,
-        |(file, cut)| {
+        |PermittedCut { file_index: file, cut, permit }| {
             let (mut cut, mut bounds, mut text) = (cut?, RecordBounds::default(), texts.take());
             // The boxes of a single file are not asked for.
             let asked = Some(&mut bounds).filter(|_| inputs.len() > 1);
@@ -80,9 +86,9 @@ fn count_files<S: MeshSource>(
             if text.capacity() <= TEXT_BYTES_KEPT {
                 texts.give_back(text);
             }
-            Ok((file, cut.bytes, own, bounds, texture))
+            Ok((file, cut.bytes, own, bounds, texture, permit))
         },
-        |(file, bytes, own, bounds, texture)| {
+        |(file, bytes, own, bounds, texture, _permit)| {
             counts.add(&own);
             boxes[file].merge(&bounds);
             progress.advance(bytes);

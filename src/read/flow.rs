@@ -1,6 +1,10 @@
 //! Reads files of one format: workers parse chunks, the calling thread appends them in order.
 //!
 //! The buffers of a chunk are used again once it is appended.
+//!
+//! # Memory
+//! Each chunk holds a permit for what it takes while it is parsed and appended: its length decides, so that chunks of
+//! long lines wait for each other. They share their memory with names and materials.
 
 use std::path::{Path, PathBuf};
 
@@ -10,10 +14,16 @@ use super::moved::{MovePositions, move_positions};
 use super::obj::ObjSource;
 use super::parts::Labels;
 use super::ply::PlySource;
-use super::source::{Cutter, FileCommit, MeshFormat, MeshSource, TEXT_BYTES_KEPT};
+use super::source::{
+    CHUNK_BYTES, Cut, CutOfInput, Cutter, FileCommit, MeshFormat, MeshSource, PARSED_GROWTH, TEXT_BYTES_KEPT,
+};
+use crate::base::error::escape_path;
 use crate::base::ordered::map_in_order;
 use crate::base::recycled::Recycled;
-use crate::base::{Findings, Progress, Result};
+use crate::base::{Error, Findings, Permit, Permits, Progress, Result, bytes};
+
+/// Memory that an ordinary chunk takes while it is parsed and appended, in bytes.
+pub const ORDINARY_BYTES: u64 = PARSED_GROWTH * CHUNK_BYTES;
 
 /// Resources that the scan may use; they do not change the result.
 #[derive(Debug, Clone, Copy)]
@@ -22,7 +32,8 @@ pub struct ScanOptions {
     pub threads: usize,
     /// Largest number of chunks that are being parsed or wait for the committer; 2 MiB each; at least 1.
     pub chunks_in_flight: usize,
-    /// Memory for the catalogue in bytes; an input that needs more is refused.
+    /// Memory in bytes for the catalogue, and for chunks beyond the ordinary ones in flight; an input that needs more is
+    /// refused.
     pub catalogue_bytes: u64,
 }
 
@@ -79,13 +90,16 @@ impl FormatRun<'_> {
         let (buffers, texts) = (Recycled::<S::Parsed>::default(), Recycled::<Vec<u8>>::default());
         let mut file: Option<S::Commit<'_>> = None;
         let in_flight = self.options.chunks_in_flight.max(1);
+        let usual_bytes = in_flight as u64 * ORDINARY_BYTES;
+        let permits = Permits::new(self.options.catalogue_bytes + usual_bytes);
         map_in_order(
-            Cutter::<S>::new(self.inputs, self.chunk_bytes),
+            Cutter::<S>::new(self.inputs, self.chunk_bytes).map(|cut| PermittedCut::<S>::new(cut, &permits)),
             self.options.threads.clamp(1, in_flight),
             in_flight,
-            |(file_index, cut)| {
-                let (mut cut, mut parsed, mut text) = (cut?, buffers.take(), texts.take());
+            |PermittedCut { file_index, cut, permit }| {
                 let path = &self.inputs[file_index];
+                check_memory(path, &permits, permit.as_ref())?;
+                let (mut cut, mut parsed, mut text) = (cut?, buffers.take(), texts.take());
                 S::parse(path, &mut cut.chunk, &mut parsed, &mut text)?;
                 let records = S::records(&mut parsed);
                 if let Some(mover) = self.mover {
@@ -95,9 +109,9 @@ impl FormatRun<'_> {
                 if text.capacity() <= TEXT_BYTES_KEPT {
                     texts.give_back(text);
                 }
-                Ok((file_index, cut, parsed))
+                Ok((file_index, cut, parsed, permit))
             },
-            |(file_index, cut, mut parsed)| {
+            |(file_index, cut, mut parsed, permit)| {
                 let current = match &mut file {
                     Some(file) => file,
                     None => {
@@ -106,16 +120,53 @@ impl FormatRun<'_> {
                         file.insert(S::Commit::begin(path, self.folder, self.first_index + file_index)?)
                     }
                 };
+                labels.lend(permit.as_ref().map_or(0, Permit::bytes).saturating_sub(usual_bytes));
                 current.append(&cut, &mut parsed, labels)?;
                 self.progress.advance(cut.bytes);
                 self.progress.check_stopped()?;
                 if let Some(done) = file.take_if(|_| cut.is_last) {
                     keep(done.finish(labels, findings)?);
                 }
+                permits.keep(labels.taken());
                 S::clear(&mut parsed);
                 buffers.give_back(parsed);
                 Ok(())
             },
         )
     }
+}
+
+/// A chunk with the memory that it takes.
+pub(super) struct PermittedCut<'a, S: MeshSource> {
+    /// Index of its file.
+    pub(super) file_index: usize,
+    /// The chunk.
+    pub(super) cut: Result<Cut<S::Chunk>>,
+    /// Dropped once the chunk is done with.
+    pub(super) permit: Option<Permit<'a>>,
+}
+
+impl<'a, S: MeshSource> PermittedCut<'a, S> {
+    /// Waits until there is memory for a chunk.
+    pub(super) fn new((file_index, cut): CutOfInput<S>, permits: &'a Permits) -> Self {
+        let permit = cut.as_ref().ok().map(|cut| permits.take(S::work_bytes(cut)));
+        Self { file_index, cut, permit }
+    }
+}
+
+/// Refuses a chunk that does not fit the memory beside the catalogue, even alone.
+fn check_memory(path: &Path, permits: &Permits, permit: Option<&Permit<'_>>) -> Result<()> {
+    let own = permit.map_or(0, Permit::bytes);
+    let lacking = permits.lacking(own);
+    if lacking == 0 {
+        return Ok(());
+    }
+    let message = format!(
+        "{}: a long line or record, which takes {} while it is read, does not fit beside names and materials; {} more \
+         are needed",
+        escape_path(path),
+        bytes::display(own),
+        bytes::display(lacking),
+    );
+    Err(Error::Budget { needed: None, message })
 }

@@ -13,8 +13,8 @@
 //! columns through the `MeshBuilder` that the formats share.
 //!
 //! # Memory
-//! `threads` × 512 KiB of text and `chunks_in_flight` × 1.5 MiB of parsed chunks, plus the length of a record longer
-//! than a chunk. No allocation is sized by a number read from a file.
+//! `threads` × 512 KiB of text and `chunks_in_flight` × 1.5 MiB of parsed chunks; a record longer than a chunk takes a
+//! permit for all that it needs. No allocation is sized by a number read from a file.
 //!
 //! # Files
 //! Those of `builder.rs`, in the work folder.
@@ -49,7 +49,7 @@ use crate::model::{Catalogue, StoredMesh};
 
 pub use self::alone::{COUNT_LIMIT, ScannedFile, join};
 pub use self::count::count;
-pub use self::flow::ScanOptions;
+pub use self::flow::{ORDINARY_BYTES, ScanOptions};
 pub use self::inputs::{InputChoice, find_inputs, find_inputs_and_idle};
 pub use self::moved::{MovePositions, typical_position};
 pub use self::source::{CHUNK_BYTES, Counts, MeshFormat};

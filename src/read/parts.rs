@@ -21,6 +21,9 @@ use crate::model::{Catalogue, Material, Part};
 use crate::os::durable::folder_of;
 use crate::os::path::path_of_name;
 
+/// A name is in the catalogue and the key by which it is found.
+const NAME_COPIES: u64 = 2;
+
 /// Labels of the current face, and all labels used so far.
 #[derive(Debug)]
 pub struct Labels {
@@ -145,7 +148,7 @@ impl Labels {
             let name = label.number(&mut self.name_ids, names.len())?;
             if name == names.next_key() {
                 names.push(label.name.clone());
-                bytes += label.name.len() as u64;
+                bytes += NAME_COPIES * label.name.len() as u64;
             }
             *id = Some(name);
         }
@@ -156,7 +159,8 @@ impl Labels {
             if id == materials.next_key() {
                 let (name, output_name) = (label.name.clone(), label.name.clone());
                 let material = Material { name, output_name, definition: None };
-                bytes += material.bytes();
+                // The name is a key, too, now and when materials are merged.
+                bytes += material.bytes() + NAME_COPIES * material.name.len() as u64;
                 materials.push(material);
             }
             material = Some(id);
@@ -171,6 +175,22 @@ impl Labels {
         self.part = Some(id);
         self.allow(bytes)?;
         Ok(id)
+    }
+
+    /// Takes the current labels and a chunk's `bytes` off what the catalogue may take.
+    pub fn lend(&mut self, bytes: u64) {
+        self.allowance.lend(bytes + self.label_bytes());
+    }
+
+    /// Memory of the catalogue so far and of the current labels, in bytes.
+    pub fn taken(&self) -> u64 {
+        self.allowance.taken() + self.label_bytes()
+    }
+
+    fn label_bytes(&self) -> u64 {
+        let names = [self.object.as_ref().map(|label| &label.name), self.group.as_ref().map(|label| &label.name)];
+        let names = names.into_iter().chain([self.material.as_ref().map(|label| &label.name)]);
+        names.flatten().map(|name| name.len() as u64).sum()
     }
 
     /// Charges bytes to the current file.
@@ -229,7 +249,7 @@ impl Labels {
             let id = match self.name_ids.get(&name) {
                 Some(&id) => id,
                 None => {
-                    bytes += name.len() as u64;
+                    bytes += NAME_COPIES * name.len() as u64;
                     let id = numbered(names.len())?;
                     names.push(name.clone());
                     self.name_ids.insert(name, id);

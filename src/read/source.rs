@@ -40,6 +40,11 @@ pub(super) trait MeshSource: Sized + Send {
     /// If the file cannot be read, or has no end of a record where one must be.
     fn cut(&mut self, path: &Path) -> Result<Cut<Self::Chunk>>;
 
+    /// Memory that a chunk takes while it is parsed and appended, in bytes, that of its own bytes included.
+    fn work_bytes(cut: &Cut<Self::Chunk>) -> u64 {
+        PARSED_GROWTH * cut.bytes
+    }
+
     /// Parses a chunk into `parsed`, which is empty; `text` is scratch space.
     ///
     /// # Errors
@@ -201,6 +206,8 @@ impl Counts {
     }
 }
 
+/// Memory of a chunk by its length: the text, a line joined of several, and three bytes of records for each of text.
+pub(super) const PARSED_GROWTH: u64 = 5;
 /// A buffer for the text of a chunk larger than this, in bytes, is freed instead of reused.
 pub(super) const TEXT_BYTES_KEPT: usize = 2 * CHUNK_BYTES as usize;
 /// Buffers of parsed records larger than this, in bytes, are freed instead of reused.

@@ -341,6 +341,36 @@ fn names_and_materials_beyond_their_memory_are_refused_as_they_come() {
 }
 
 #[test]
+fn a_line_takes_memory_by_its_length_and_is_refused_if_it_does_not_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = [folder.path().join("a.obj")];
+    let line = format!("# {}\n", "-".repeat(3 << 20));
+    fs::write(&inputs[0], [TRIANGLE, &line.repeat(4), "f 1 2 3\n"].concat()).unwrap();
+    for threads in [1, 4] {
+        let scan_within = |catalogue_bytes: u64| {
+            let options = ScanOptions { threads, chunks_in_flight: 2, catalogue_bytes };
+            scan(&inputs, folder.path(), &options, &Silent)
+        };
+        assert!(scan_within(13 << 20).is_ok());
+        let error = scan_within(9 << 20).unwrap_err();
+        assert!(matches!(error, Error::Budget { .. }) && error.to_string().contains("a long line"), "{error}");
+    }
+}
+
+#[test]
+fn long_names_take_memory_for_each_of_their_copies() {
+    let names: String = (0..6).map(|i| format!("o {i}{}\nf 1 2 3\n", "n".repeat(1 << 20))).collect();
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = [folder.path().join("a.obj")];
+    fs::write(&inputs[0], [TRIANGLE, &names].concat()).unwrap();
+    let scan_within = |catalogue_bytes: u64| {
+        scan(&inputs, folder.path(), &ScanOptions { catalogue_bytes, ..Default::default() }, &Silent)
+    };
+    assert!(matches!(scan_within(10 << 20), Err(Error::Budget { .. })));
+    assert_eq!(scan_within(16 << 20).unwrap().catalogue.names.len(), 6);
+}
+
+#[test]
 fn the_text_of_a_library_takes_memory_while_it_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let inputs = [folder.path().join("a.obj")];

@@ -7,7 +7,7 @@
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-use super::header::{Element, PlyHeader, Property, Scalar};
+use super::header::{Element, Encoding, PlyHeader, Property, Scalar};
 use crate::base::{Error, Result};
 use crate::model::texture_file::base_name;
 use crate::read::line::quote;
@@ -23,6 +23,17 @@ pub(super) enum FieldStep {
     TextureNumber(Scalar),
     /// A list: type of its length, type of its items.
     List { role: ListRole, length: Scalar, scalar: Scalar },
+}
+
+impl FieldStep {
+    /// Largest memory of what is kept of a list by its length in the file.
+    fn growth(&self) -> u64 {
+        match *self {
+            Self::List { role: ListRole::Vertices, scalar, .. } => CORNER_BYTES.div_ceil(scalar.bytes()),
+            Self::List { role: ListRole::Texcoords, scalar, .. } => TEXCOORD_BYTES.div_ceil(scalar.bytes()),
+            _ => VERTEX_BYTES / CORNER_BYTES,
+        }
+    }
 }
 
 /// What a list is for.
@@ -98,7 +109,25 @@ pub(super) struct Layout {
     pub(super) ignored_alphas: u64,
 }
 
+/// Memory of parsed records in bytes: a position with its packed form, a colour and a texture coordinate of a vertex;
+/// each corner of a face; each of its two texture coordinates.
+const VERTEX_BYTES: u64 = 92;
+const CORNER_BYTES: u64 = 8;
+const TEXCOORD_BYTES: u64 = 18;
+/// Largest memory of records of text by its length: texture coordinates of one digit.
+const TEXT_GROWTH: u64 = TEXCOORD_BYTES / 2;
+
 impl Layout {
+    /// Largest memory of the parsed records of an element by their length in the file.
+    pub(super) fn growth(&self, element: usize) -> u64 {
+        let Some(own) = self.elements.get(element) else { return 0 };
+        match (self.header.encoding, own.record_bytes) {
+            (Encoding::Ascii, _) => TEXT_GROWTH,
+            (_, Some(bytes)) => VERTEX_BYTES.div_ceil(bytes.max(1)),
+            (_, None) => own.steps.iter().map(FieldStep::growth).max().unwrap_or(0),
+        }
+    }
+
     /// Finds out how to read a file.
     ///
     /// # Errors

@@ -44,6 +44,11 @@ impl MeshSource for PlySource {
         self.cut(path)
     }
 
+    fn work_bytes(cut: &Cut<PlyChunk>) -> u64 {
+        // The chunk, the buffer that it is cut from, and its records.
+        (2 + cut.chunk.layout.growth(cut.chunk.element)) * cut.bytes
+    }
+
     fn parse(path: &Path, chunk: &mut PlyChunk, parsed: &mut PlyRecords, _: &mut Vec<u8>) -> Result<()> {
         parse::parse(path, chunk, parsed)
     }
