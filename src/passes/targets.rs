@@ -188,9 +188,12 @@ impl Run<'_> {
                     .next()
                     .into_iter()
                     .for_each(|cluster| merged.add(cluster, partition.face_count(cluster), &result.log));
+                // The log grows with the mesh, and leaves less for clusters in work.
+                self.permits.keep(merged.bytes());
                 Ok(())
             })?;
             let quotas = merged.cut(excess, spare, partition.cluster_count());
+            self.permits.keep(0);
             if quotas.is_enough || trial == TRIALS_MAX {
                 let left = |(cluster, &lost)| partition.face_count(cluster).saturating_sub(lost);
                 return Ok(StopRule::Trim(vec![cost], quotas.lost.iter_enumerated().map(left).collect()));

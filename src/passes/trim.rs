@@ -96,7 +96,9 @@ struct MergedCollapse {
     cost: f32,
     cluster: ClusterId,
     /// Faces that the cluster has lost with it; 0 where it closed more holes than that.
-    lost: u64,
+    lost: u32,
+    /// Number of collapses that its cluster logged before it.
+    place: u32,
 }
 
 /// Logged collapses of all clusters.
@@ -109,11 +111,17 @@ impl MergedLog {
     /// Adds the log of a cluster that has `faces` faces. Add clusters in ascending order.
     pub fn add(&mut self, cluster: ClusterId, faces: u64, log: &[LoggedCollapse]) {
         let mut highest = 0f32;
-        for logged in log {
+        for (place, logged) in (0..).zip(log) {
             highest = highest.max(logged.cost);
-            let lost = faces.saturating_sub(u64::from(logged.faces));
-            self.collapses.push(MergedCollapse { cost: highest, cluster, lost });
+            // A cluster has fewer than 2³² faces.
+            let lost = faces.saturating_sub(u64::from(logged.faces)) as u32;
+            self.collapses.push(MergedCollapse { cost: highest, cluster, lost, place });
         }
+    }
+
+    /// Memory that it takes, in bytes.
+    pub fn bytes(&self) -> u64 {
+        (self.collapses.capacity() * size_of::<MergedCollapse>()) as u64
     }
 
     /// Returns the faces that each cluster may lose so that together they lose `excess`, or one more. Where a collapse
@@ -121,8 +129,9 @@ impl MergedLog {
     /// not enough, the collapse that would remove the fewest is done after all where that is at most `spare` too many; its
     /// cluster has to find other ones for the rest where it is not.
     pub fn cut(mut self, excess: u64, spare: u64, cluster_count: usize) -> Quotas {
-        // The sort is stable: equal costs stay in the order of clusters and collapses.
-        self.collapses.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        // Equal costs stay in the order of clusters and collapses. A stable sort would need half as much memory again.
+        self.collapses
+            .sort_unstable_by(|a, b| a.cost.total_cmp(&b.cost).then((a.cluster, a.place).cmp(&(b.cluster, b.place))));
         let mut chosen = Chosen { lost: vec![0; cluster_count].into(), sum: 0 };
         let mut is_over: TiVec<ClusterId, bool> = vec![false; cluster_count].into();
         let mut over: Option<&MergedCollapse> = None;
@@ -172,16 +181,16 @@ struct Chosen {
 impl Chosen {
     /// Faces that go with a further collapse.
     fn gain(&self, collapse: &MergedCollapse) -> u64 {
-        collapse.lost.saturating_sub(self.lost[collapse.cluster])
+        u64::from(collapse.lost).saturating_sub(self.lost[collapse.cluster])
     }
 
     fn sum_with(&self, collapse: &MergedCollapse) -> u64 {
-        self.sum - self.lost[collapse.cluster] + collapse.lost
+        self.sum - self.lost[collapse.cluster] + u64::from(collapse.lost)
     }
 
     fn add(&mut self, collapse: &MergedCollapse) {
         self.sum = self.sum_with(collapse);
-        self.lost[collapse.cluster] = collapse.lost;
+        self.lost[collapse.cluster] = u64::from(collapse.lost);
     }
 }
 
@@ -199,6 +208,14 @@ mod tests {
             LoggedCollapse { cost, faces: faces as u32 }
         };
         merged.add(ClusterId::new(cluster), 100, &collapses.iter().map(entry).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_log_takes_sixteen_bytes_for_a_collapse() {
+        let mut merged = MergedLog::default();
+        let log = vec![LoggedCollapse { cost: 1.0, faces: 50 }; 1 << 16];
+        (0..16).for_each(|cluster| merged.add(ClusterId::new(cluster), 100, &log));
+        assert_eq!(merged.bytes(), 16 << 20);
     }
 
     #[test]
