@@ -124,9 +124,7 @@ impl Pyramid<'_> {
             origin: (!self.is_moved).then_some(self.scene.origin),
         };
         work.sync()?;
-        for (name, json) in document.files() {
-            self.write(&output.join(name), json.to_string().as_bytes())?;
-        }
+        document.write(|name, text| self.write(&output.join(name), text.as_bytes()))?;
         Ok(figures)
     }
 
