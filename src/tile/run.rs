@@ -24,11 +24,15 @@ use super::triangles::LevelTriangles;
 use crate::bake::{Original, SURFACE};
 use crate::base::id::TiVec;
 use crate::base::ordered::map_in_order;
-use crate::base::{Error, Permits, Result};
+use crate::base::{Error, Permits, Result, bytes};
 use crate::job::{Recalled, Step};
 use crate::lend::LentResults;
 use crate::os::durable::{DurableFile, make_folders, remove_waiting};
+use crate::os::system;
 use crate::surface::cells::SurfaceCells;
+
+/// Bytes of a texel of a finished tile while the next level is baked from its image at half of its size.
+const RAW_TEXEL_BYTES: f64 = 3.0 / 4.0;
 
 /// A pyramid under way.
 pub struct Pyramid<'a> {
@@ -89,7 +93,7 @@ impl Pyramid<'_> {
         let TilePlace { work, output, .. } = self.place;
         // What a process left that was killed while it wrote.
         remove_waiting(output, work.number());
-        let tree = self.tree()?;
+        let tree = self.tree(levels)?;
         let (mut listed, mut figures): (Vec<ListedLevel>, Vec<LevelFigures>) = (Vec::new(), Vec::new());
         let mut done: Option<TilesOfLevel> = None;
         for (level, number) in levels.iter().zip(0..) {
@@ -128,9 +132,31 @@ impl Pyramid<'_> {
         Ok(figures)
     }
 
-    fn tree(&self) -> Result<TileTree> {
+    fn tree(&self, levels: &[Level]) -> Result<TileTree> {
         let step = Step::new(TileStep::Tree.key()).from([SURFACE]);
-        self.place.work.once(step, &(), || TileTree::plant(&self.original.surface, self.scene, &self.settings.limits()))
+        self.place.work.once(step, &(), || {
+            self.refuse_small_disk(levels)?;
+            TileTree::plant(&self.original.surface, self.scene, &self.settings.limits())
+        })
+    }
+
+    /// Refuses a surface whose texels the disk cannot hold: one that repeats an image shows more than the image has.
+    fn refuse_small_disk(&self, levels: &[Level]) -> Result<()> {
+        let TilePlace { work, progress, .. } = self.place;
+        let (true, Some(finest)) = (self.settings.has_colour, levels.first()) else { return Ok(()) };
+        let texels = self.triangles(finest, 0).texels(progress)?;
+        match system::free_disk_bytes(work.path()) {
+            Ok(free) if texels * RAW_TEXEL_BYTES > free as f64 => Err(Error::NoSpace {
+                path: work.path().to_owned(),
+                message: format!(
+                    "level 0 would have about {:.0} million texels, since texture coordinates repeat images, and {} are \
+                     free; simplify with `textures: bake` and fewer `texels` first, and tile the result",
+                    texels / 1e6,
+                    bytes::display(free),
+                ),
+            }),
+            _ => Ok(()),
+        }
     }
 
     fn surface<'s>(&'s self, level: &'s Level) -> &'s SurfaceCells {

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::scene::TileScene;
 use crate::bake::{Original, TexelSource};
-use crate::base::Result;
+use crate::base::{Progress, Result};
 use crate::geometry::triangle::{area, texture_area};
 use crate::model::id::ImageId;
 use crate::surface::cells::SurfaceCells;
@@ -34,6 +34,19 @@ pub struct LevelTriangle {
 }
 
 impl LevelTriangles<'_> {
+    /// Texels that its triangles show, those of images that repeat as often as these do.
+    ///
+    /// # Errors
+    /// If the job was stopped, and on failed reads.
+    pub fn texels(&self, progress: &dyn Progress) -> Result<f64> {
+        let mut texels = 0.0;
+        for cell in 0..self.surface.cells.len() {
+            progress.check_stopped()?;
+            self.each(cell, |triangle| texels += area(triangle.corners.map(|(corner, _)| corner)) * triangle.density)?;
+        }
+        Ok(texels)
+    }
+
     /// Passes the triangles of a cell on.
     ///
     /// # Errors

@@ -64,3 +64,16 @@ fn a_triangle_that_would_show_too_many_texels_shows_no_image() {
     let check = check_tileset(&folder.path().join("out"), &Silent).unwrap();
     assert_eq!((check.fault_count, check.faults), (0, Vec::new()));
 }
+
+#[test]
+fn more_texels_than_the_disk_holds_are_refused_before_tiles_are_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = square(folder.path(), 1.0, 1.9e4);
+    // A hundred triangles that each show almost as many texels as one may.
+    let text = fs::read_to_string(&input).unwrap();
+    fs::write(&input, text + &"v 1 0 1\nf 1/1 5/5 -1/6\n".repeat(100)).unwrap();
+    let error = pipeline::tile(&input, &folder.path().join("out"), &small(), &Silent).unwrap_err();
+    assert!(matches!(&error, Error::NoSpace { .. }), "{error}");
+    assert!(error.to_string().contains("repeat images"), "{error}");
+    assert!(!folder.path().join("out/0").exists());
+}
