@@ -82,6 +82,19 @@ def test_every_metric_and_remeshing_fit_into_128_mib(drystone, middle_town, tmp_
     assert report["faces"]["output"] < report["faces"]["input"]
 
 
+def test_lines_of_15_mb_are_read_one_after_the_other(drystone, tmp_path):
+    """Polygons of 7.5 million corners that all repeat a vertex: the text and three times as much once parsed."""
+    side = 100
+    vertices = "".join(f"v {i % side} {i // side} 0\n" for i in range(side * side))
+    first = [1 + j * side + i for j in range(side - 1) for i in range(side - 1)]
+    with open(tmp_path / "in.obj", "w") as file:
+        file.write(vertices + "".join(f"f {a} {a + 1} {a + side + 1} {a + side}\n" for a in first))
+        for _ in range(6):
+            file.write("f" + " 1" * 7_500_000 + "\n")
+    report = simplify_in_128_mib(drystone, tmp_path / "in.obj", tmp_path, "--ratio", "0.5")
+    assert report["memory"]["peak_resident"] <= 100 * MIB
+
+
 def write_square_with_a_large_image(folder, ending):
     """A square that shows an image of 264 MiB once decoded; the path of the mesh."""
     side = 9600
