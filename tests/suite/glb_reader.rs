@@ -158,7 +158,7 @@ impl Glb {
         assert!(elements.iter().flatten().all(|number| number.is_finite()));
         for (bound, fold) in [("min", f64::min as fn(f64, f64) -> f64), ("max", f64::max)] {
             if let Some(given) = accessor[bound].as_array() {
-                // As a float, since the reader of the JSON rounds the last digit.
+                // The accessor's components are floats.
                 let given = given.iter().map(|number| f64::from(number.as_f64().unwrap() as f32)).collect::<Vec<_>>();
                 let found = elements.iter().cloned().reduce(|a, b| a.iter().zip(b).map(|(a, b)| fold(*a, b)).collect());
                 assert_eq!(Some(given), found, "{bound}");

@@ -10,7 +10,7 @@ use serde_json::Value;
 use crate::tile::meshopt::{decode_attributes, decode_triangles};
 use crate::write::glb_format::MESHOPT;
 
-/// Share by which a number may be off its place.
+/// Share by which a coordinate may be off its place on the lattice.
 const ROUNDING: f64 = 1e-15;
 
 /// Words on what is wrong with a file.
@@ -47,7 +47,7 @@ pub fn read_glb(bytes: &[u8]) -> Result<ReadTile, ContentFault> {
         return Err(format!("the scale of its node is {step}"));
     }
     let middle = DVec3::new(x, -south, up) / step;
-    // The reader of the JSON rounds the last digit of very small and large numbers.
+    // The product of place and step is rounded, and so is the quotient.
     let is_place = (middle.round() - middle).abs().cmple(ROUNDING * middle.abs()).all();
     if !is_place || !middle.is_finite() || middle.abs().max_element() > 1e15 {
         return Err("its translation is no place of the lattice".into());
