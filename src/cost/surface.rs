@@ -141,12 +141,8 @@ impl SurfaceCost {
             if own.is_some_and(|own| spokes.iter().fold(false, |found, other| found | (differs(other, own) == 0))) {
                 continue;
             }
-            let kind = if is_crowded {
-                let (few, many) = if rings.of(a).len() <= rings.of(b).len() { (a, b) } else { (b, a) };
-                edge_kind(mesh, rings, few, many)
-            } else {
-                kind_among(spokes, spokes[i].pair_to_next(), b)
-            };
+            let kind =
+                if is_crowded { edge_kind(mesh, rings, a, b) } else { kind_among(spokes, spokes[i].pair_to_next(), b) };
             let weight = match kind {
                 EdgeKind::Inner => continue,
                 EdgeKind::Border => self.weights.border,

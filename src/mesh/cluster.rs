@@ -380,6 +380,14 @@ pub(crate) mod samples {
         mesh
     }
 
+    /// A flat disc of `count` faces around vertex 0.
+    pub fn disc(count: u32) -> ClusterMesh {
+        let angle = |at: u32| f64::from(at) / f64::from(count) * std::f64::consts::TAU;
+        let rim = (0..count).map(|at| DVec3::new(angle(at).cos(), angle(at).sin(), 0.0));
+        let vertices = std::iter::once(DVec3::ZERO).chain(rim).map(|place| (place, place.truncate()));
+        mesh_of(vertices, &(0..count).map(|at| [0, 1 + at, 1 + (at + 1) % count]).collect::<Vec<_>>())
+    }
+
     /// A grid of n × n unit squares, two triangles each, with uv = 0.1 × position and pseudo-random bumps of height 0
     /// to `bump`.
     pub fn grid(n: u32, bump: f64) -> ClusterMesh {

@@ -32,6 +32,7 @@ pub fn kind_among(spokes: &[Spoke], wedges: WedgePair, to: LocalVertex) -> EdgeK
 
 /// Kind of the edge between two vertices that share a face.
 pub fn edge_kind(mesh: &ClusterMesh, rings: &Rings, a: LocalVertex, b: LocalVertex) -> EdgeKind {
+    let [a, b] = rings.search_order([a, b]);
     let mut first = None;
     let mut kind = EdgeKind::Border;
     for &corner in rings.of(a) {
@@ -60,5 +61,16 @@ mod tests {
         rings.build(&mesh);
         let kind = |a, b| edge_kind(&mesh, &rings, v(a), v(b));
         assert_eq!([kind(7, 12), kind(0, 1), kind(6, 12)], [EdgeKind::Seam, EdgeKind::Border, EdgeKind::Inner]);
+    }
+
+    #[test]
+    fn the_kind_of_an_edge_at_a_hub_is_found_from_its_other_end() {
+        let mesh = samples::disc(300);
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        assert_eq!([[0, 5], [5, 0]].map(|edge| rings.search_order(edge.map(v))), [[5, 0].map(v); 2]);
+        assert_eq!(rings.search_order([5, 6].map(v)), [5, 6].map(v));
+        let kinds = [[0, 5], [5, 0], [5, 6]].map(|[a, b]| edge_kind(&mesh, &rings, v(a), v(b)));
+        assert_eq!(kinds, [EdgeKind::Inner, EdgeKind::Inner, EdgeKind::Border]);
     }
 }

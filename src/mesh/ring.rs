@@ -8,6 +8,7 @@
 
 use std::ops::Range;
 
+use super::class::VALENCE_MAX;
 use super::cluster::ClusterMesh;
 use super::id::{Corner, FaceId, LocalVertex, Wedge, WedgePair};
 use crate::base::cache::prefetch;
@@ -96,6 +97,14 @@ impl Rings {
     #[inline]
     pub fn of(&self, vertex: LocalVertex) -> &[Corner] {
         &self.corners[self.rows[vertex].range()]
+    }
+
+    /// Both ends of an edge, first the one whose corners are to be searched for its faces: the end with fewer corners,
+    /// if the first has very many.
+    #[inline(always)]
+    pub fn search_order(&self, [a, b]: [LocalVertex; 2]) -> [LocalVertex; 2] {
+        let count = self.of(a).len();
+        if count > VALENCE_MAX && self.of(b).len() < count { [b, a] } else { [a, b] }
     }
 
     /// Asks for the memory that tells where the corners at a vertex are.

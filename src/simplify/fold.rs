@@ -151,7 +151,7 @@ fn folds_outwards(mesh: &ClusterMesh, rings: &Rings, one: &Joined, position: DVe
 /// or several.
 #[inline(always)]
 fn third_across(mesh: &ClusterMesh, rings: &Rings, one: &Joined) -> Option<LocalVertex> {
-    let ([a, b], own) = (one.ends, one.corner.face());
+    let ([a, b], own) = (rings.search_order(one.ends), one.corner.face());
     let (mut across, mut third, mut count) = (own, a, 0u32);
     for corner in rings.of(a) {
         let face = corner.face();
@@ -195,8 +195,9 @@ fn folds_at_anchor(
 pub(super) fn thirds_at<'a>(
     mesh: &'a ClusterMesh,
     rings: &'a Rings,
-    [a, b]: [LocalVertex; 2],
+    edge: [LocalVertex; 2],
 ) -> impl Iterator<Item = (FaceId, LocalVertex)> + 'a {
+    let [a, b] = rings.search_order(edge);
     rings.of(a).iter().filter_map(move |corner| {
         let face = corner.face();
         let (has_edge, third) = third_of(mesh.vertices(face), [a, b]);

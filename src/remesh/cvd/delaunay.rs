@@ -14,7 +14,7 @@
 use glam::{DVec2, DVec3};
 
 use crate::mesh::cluster::ClusterMesh;
-use crate::mesh::id::{FaceId, LocalVertex, Wedge};
+use crate::mesh::id::{Corner, FaceId, LocalVertex, Wedge};
 use crate::mesh::ring::Rings;
 use crate::simplify::triangle_change::{triangle_survives, uv_survives};
 
@@ -74,7 +74,9 @@ impl Hinge {
         let [a, b, c] = [k, k + 1, k + 2].map(|k| mesh.corners[face][k % 3]);
         let [va, vb] = [a, b].map(|w| mesh.wedge_vertex[w]);
         let (mut other, mut count) = (None, 0);
-        for &corner in rings.of(va) {
+        let [searched, _] = rings.search_order([va, vb]);
+        let at_a = |corner: &Corner| corner.face().corners().into_iter().find(|&c| mesh.vertex_of(c) == va);
+        for corner in rings.of(searched).iter().filter_map(at_a) {
             let far = corner.others();
             if far.iter().any(|&corner| mesh.vertex_of(corner) == vb) {
                 count += 1;
@@ -131,6 +133,7 @@ impl Hinge {
 }
 
 fn are_joined(mesh: &ClusterMesh, rings: &Rings, a: LocalVertex, b: LocalVertex) -> bool {
+    let [a, b] = rings.search_order([a, b]);
     rings.living(mesh, a).any(|corner| mesh.others_of(corner).contains(&b))
 }
 

@@ -79,11 +79,9 @@ impl EdgeStar {
         let may_turn = self.shape_rule == ShapeRule::MayTurn;
         self.count_neighbours(mesh, rings);
         let last_double = self.drop_doubles(mesh, rings);
-        let stays_at = |vertex: LocalVertex, is_wanted: &dyn Fn(FaceId) -> bool| {
-            rings.faces(mesh, vertex).any(|face| is_wanted(face) && !self.dying.contains(&face))
-        };
-        let stays = [from, to].iter().any(|&end| stays_at(end, &|_| true))
-            || self.far_sides.iter().any(|&[a, b]| stays_at(a, &|face| mesh.vertices(face).contains(&b)));
+        let stays = |face: FaceId| !self.dying.contains(&face);
+        let stays = [from, to].iter().any(|&end| rings.faces(mesh, end).any(stays))
+            || self.far_sides.iter().any(|&edge| thirds_at(mesh, rings, edge).any(|(face, _)| stays(face)));
         // If only the two sides of a flat component are left, and nothing else meets their edges, one of them stays.
         if let Some(double) = last_double.filter(|_| !stays) {
             self.dying.retain(|&face| face != double);
