@@ -16,6 +16,7 @@ use glam::{DVec3, Vec3};
 
 use super::local::LocalQuadric;
 use crate::base::id::TiSlice;
+use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::{Corner, LocalVertex};
 use crate::mesh::ring::Rings;
@@ -75,11 +76,10 @@ pub fn add_creases(
             if b < a || !NormalSums::are_spread(&vertices[b]) {
                 continue;
             }
-            let leads_back = |other: &&Corner| mesh.vertex_of(other.previous()) == b;
             let place = |v: LocalVertex| mesh.positions[v] - mesh.positions[a];
             let third = |corner: Corner| place(mesh.vertex_of(corner));
             // Where more than two faces meet, the flattest turn counts as the continuation of the surface.
-            let turns = rings.of(a).iter().filter(leads_back).map(|&other| {
+            let turns = corners_back(mesh, rings, [a, b]).map(|other| {
                 let thirds = [previous, other.next()];
                 let turn = crease(place(b), thirds.map(third)).unwrap_or_default();
                 if turn.1 > NEAR_FOLD_SHARE {
@@ -107,7 +107,7 @@ pub fn near_folds(mesh: &ClusterMesh, rings: &Rings) -> Vec<LocalVertex> {
     let mut found = Vec::new();
     for corner in mesh.living_faces().flat_map(|face| [0, 1, 2].map(|index| Corner::at(face, index))) {
         let [a, b, third] = [corner, corner.next(), corner.previous()].map(|corner| mesh.vertex_of(corner));
-        for other in rings.living(mesh, a).filter(|&other| mesh.vertex_of(other.previous()) == b) {
+        for other in corners_back(mesh, rings, [a, b]).filter(|&other| mesh.living(other).is_some()) {
             let across = mesh.vertex_of(other.next());
             let [edge, left, right] = [b, third, across].map(|v| mesh.positions[v] - mesh.positions[a]);
             if crease(edge, [left, right]).is_some_and(|(_, share)| share > NEAR_FOLD_SHARE) {
@@ -116,6 +116,20 @@ pub fn near_folds(mesh: &ClusterMesh, rings: &Rings) -> Vec<LocalVertex> {
         }
     }
     found
+}
+
+/// The corners at `a` of the faces that run along an edge from `b` to `a`. None if both ends have more than twice the
+/// largest valence of a vertex that may move: every face at such an edge would meet every other one.
+fn corners_back<'a>(
+    mesh: &'a ClusterMesh,
+    rings: &'a Rings,
+    [a, b]: [LocalVertex; 2],
+) -> impl Iterator<Item = Corner> + 'a {
+    let [searched, _] = rings.search_order([a, b]);
+    let corners = rings.of(searched);
+    let corners = if corners.len() > 2 * VALENCE_MAX { &[] } else { corners };
+    let at_a = move |&corner: &Corner| if searched == a { corner } else { corner.next() };
+    corners.iter().map(at_a).filter(move |&c| mesh.vertex_of(c) == a && mesh.vertex_of(c.previous()) == b)
 }
 
 /// Unit normals of the planes through an edge that starts at the origin, perpendicular to its left and its right face,
@@ -218,5 +232,20 @@ mod tests {
         assert!(inwards(2) > 0.06 && inwards(2) < 0.18, "{}", inwards(2));
         assert_eq!(inwards(12), 0.0);
         assert!(vertices.iter().all(|vertex| vertex.linear == Vec3::ZERO && vertex.constant == 0.0));
+    }
+
+    // Ends of an edge of very many faces do not move; all pairs of 100,000 faces would take minutes.
+    #[test]
+    fn an_edge_of_very_many_faces_has_no_folds() {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y].map(|corner| (corner, glam::DVec2::NAN));
+        let found = |copies: usize| {
+            let mesh = samples::mesh_of(corners, &[[0, 1, 2], [0, 2, 1]].repeat(copies));
+            let mut rings = Rings::default();
+            rings.build(&mesh);
+            let mut beside = Vec::new();
+            add_creases(&mut normal_sums(&mesh), &mesh, &rings, 1.0, &mut beside);
+            [near_folds(&mesh, &rings), beside].map(|vertices| !vertices.is_empty())
+        };
+        assert_eq!([1, VALENCE_MAX, 50_000].map(found), [[true; 2], [true; 2], [false; 2]]);
     }
 }
