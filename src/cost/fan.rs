@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::{FaceId, LocalVertex};
 use crate::mesh::ring::Rings;
@@ -55,6 +56,9 @@ impl Fan {
 
     /// Orders the faces so that each begins with the last edge of the previous one.
     fn sort(&mut self) {
+        if self.spokes.len() > VALENCE_MAX {
+            return self.sort_many();
+        }
         let spokes = &mut self.spokes;
         let start = (0..spokes.len()).find(|&i| !spokes.iter().any(|s| s.previous == spokes[i].next));
         self.is_closed = start.is_none() && !spokes.is_empty();
@@ -69,6 +73,32 @@ impl Fan {
             spokes.swap(i, k);
         }
         self.is_closed &= spokes.last().is_some_and(|last| last.previous == spokes[0].next);
+    }
+
+    /// The same for very many faces, in O(n log n): looks edges up instead of comparing all pairs of faces. Faces that do
+    /// not form a single fan stay as they are.
+    fn sort_many(&mut self) {
+        self.is_closed = false;
+        let mut begins: Vec<(LocalVertex, usize)> =
+            self.spokes.iter().enumerate().map(|(at, spoke)| (spoke.next, at)).collect();
+        let mut ends: Vec<LocalVertex> = self.spokes.iter().map(|spoke| spoke.previous).collect();
+        begins.sort_unstable();
+        ends.sort_unstable();
+        if begins.windows(2).any(|pair| pair[0].0 == pair[1].0) || ends.windows(2).any(|pair| pair[0] == pair[1]) {
+            return;
+        }
+        let beginning_at = |end: LocalVertex| begins.binary_search_by_key(&end, |&(next, _)| next).ok();
+        let first = self.spokes.iter().position(|spoke| ends.binary_search(&spoke.next).is_err());
+        let mut sorted = Vec::with_capacity(self.spokes.len());
+        let mut at = Some(first.unwrap_or(0));
+        while let Some(spoke) = at.filter(|_| sorted.len() < begins.len()).map(|at| self.spokes[at]) {
+            sorted.push(spoke);
+            at = beginning_at(spoke.previous).map(|found| begins[found].1).filter(|&at| at != first.unwrap_or(0));
+        }
+        if sorted.len() == begins.len() {
+            self.is_closed = first.is_none();
+            self.spokes = sorted;
+        }
     }
 
     /// Each pair of consecutive faces that share an edge at the centre, and the other end of this edge.
@@ -113,5 +143,35 @@ mod tests {
         let rim = fan(&mesh, v(1));
         assert!(!rim.is_closed);
         assert_eq!(rim.joints().count(), rim.spokes.len() - 1);
+    }
+
+    /// The mesh with its faces in another order.
+    fn shuffled(mut mesh: ClusterMesh) -> ClusterMesh {
+        mesh.corner_vertices.raw.sort_by_key(|face| face[1].number().wrapping_mul(0x9e37_79b9));
+        mesh.corners.raw.sort_by_key(|face| face[1].number().wrapping_mul(0x9e37_79b9));
+        mesh
+    }
+
+    // All pairs of 200,000 faces would take minutes.
+    #[test]
+    fn a_fan_of_very_many_faces_is_ordered_as_one_of_few() {
+        for count in [100, 300, 200_000] {
+            let mut mesh = shuffled(samples::disc(count));
+            let closed = fan(&mesh, v(0));
+            assert!(closed.is_closed);
+            assert_eq!(closed.joints().count(), count as usize);
+            mesh.kill(FaceId::new(7));
+            let open = fan(&mesh, v(0));
+            assert!(!open.is_closed);
+            assert_eq!(open.joints().count(), count as usize - 2);
+        }
+    }
+
+    #[test]
+    fn a_fan_of_very_many_faces_with_two_at_one_place_stays_unordered() {
+        let mut mesh = samples::disc(300);
+        samples::add_faces(&mut mesh, &[[0, 9, 10]]);
+        let fan = fan(&mesh, v(0));
+        assert!(!fan.is_closed && fan.spokes.is_sorted_by_key(|spoke| spoke.face));
     }
 }
