@@ -15,6 +15,7 @@ use crate::geometry::distance_sq;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::LocalVertex;
 use crate::mesh::ring::Rings;
+use crate::simplify::edge_star::is_hub;
 use crate::simplify::witness::area_around;
 
 /// Squared distance, relative to the squared length of the edge, below which the surface counts as flat.
@@ -37,9 +38,13 @@ impl<'a> Retreat<'a> {
     }
 
     /// The cost of a collapse onto `to`, which stays where it is: `cost`, or the area around the vanishing vertex × the
-    /// squared distance from it to the new surface, if that is more.
+    /// squared distance from it to the new surface, if that is more. Just `cost` if `to` is a hub: that collapse will be
+    /// refused.
     pub fn cost_onto(&self, to: LocalVertex, cost: f32) -> f32 {
         let &Self { mesh, rings, from, area } = self;
+        if is_hub(mesh, rings, to) {
+            return cost;
+        }
         let (vanishing, remaining) = (mesh.positions[from], mesh.positions[to]);
         let mut nearest_sq = vanishing.distance_squared(remaining);
         let near_sq = (f64::from(cost) / area).max(FLAT_SQ * nearest_sq);

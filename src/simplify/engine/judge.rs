@@ -6,6 +6,7 @@ use crate::mesh::class::{Class, Rule};
 use crate::mesh::edge::{EdgeKind, edge_kind};
 use crate::mesh::id::{Corner, Edge, End, LocalVertex, WedgePair};
 use crate::simplify::alternatives::Cheapest;
+use crate::simplify::edge_star::is_hub;
 use crate::simplify::proposal::{Bid, EdgeAt, Proposal, all_edges_at, chain_edges_at};
 use crate::simplify::refusal::Refusal;
 use crate::simplify::retreat::Retreat;
@@ -218,10 +219,13 @@ impl<M: Metric> Engine<M> {
     }
 
     /// Proposal to collapse an edge that was gathered at `from`, which is not held; [`Proposal::NONE`] if the rules
-    /// forbid it.
+    /// forbid it, or if the other end is a hub: that collapse would be refused.
     #[inline(always)]
     pub(super) fn propose(&self, from: LocalVertex, edge: &EdgeAt) -> Proposal {
         let (to, kind) = (edge.other, edge.kind());
+        if is_hub(&self.mesh, &self.rings, to) {
+            return Proposal::NONE;
+        }
         let is_plain = edge.face_count <= 2 || self.classes[from] == Class::Complex;
         let rule = if is_plain { self.rule_of_free(from, to, kind) } else { Rule::Never };
         // If the ends meet in between, both directions cost the same: the lower end proposes it, if both may.
@@ -303,7 +307,9 @@ impl<M: Metric> Engine<M> {
         if self.touched[vertex] == round {
             return;
         }
-        if self.stirred[vertex] == 2 * round + 1 {
+        // A hub has no proposal, and nearly always a face that changed: the refused vertices around it would all be
+        // tried again in every round.
+        if self.stirred[vertex] == 2 * round + 1 || is_hub(&self.mesh, &self.rings, vertex) {
             return;
         }
         let Proposal { to, second_best, .. } = self.proposals[vertex];

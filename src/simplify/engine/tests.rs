@@ -321,3 +321,29 @@ fn a_component_vanishes_where_another_lies_within_the_bound_of_all_its_points() 
         assert!(engine.mesh.deviations.iter().all(|&bound| f64::from(bound) <= most));
     }
 }
+
+// Two cones over one rim: collapses onto a tip are refused, so they are neither proposed again nor tried in each round.
+#[test]
+fn a_hub_is_left_alone_when_its_rim_changes() {
+    let count = 600;
+    let mut mesh = samples::disc(count);
+    mesh.positions[v(0)].z = 1.0;
+    let tip = mesh.push_vertex(DVec3::NEG_Z, 0);
+    let wedge = mesh.push_wedge(tip, DVec2::ZERO);
+    let below: Vec<_> = (0..count).map(|at| [wedge.number(), 1 + (at + 1) % count, 1 + at]).collect();
+    samples::add_faces(&mut mesh, &below);
+    mesh.link_wedges();
+    let mut engine = Engine::<SurfaceCost>::new(mesh, &Weights::default());
+    engine.prepare();
+    engine.begin_stage();
+    engine.cost.refresh(&engine.mesh, &engine.rings, &engine.classes);
+    engine.judge_all();
+    engine.round = 1;
+    let survivor = engine.rings.of(v(5))[0];
+    let hub = survivor.face().corners().into_iter().find(|&corner| engine.mesh.vertex_of(corner) == v(0)).unwrap();
+    engine.rejudge_neighbour(hub, survivor);
+    assert_eq!(engine.stirred[v(0)], 0);
+    let edge = EdgeAt { other: v(0), wedges: Default::default(), face_count: 2 };
+    assert_eq!(engine.propose(v(5), &edge).cost, f32::INFINITY);
+    assert!(engine.run(Stop::Faces(100)).reached);
+}
