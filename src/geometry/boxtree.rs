@@ -28,6 +28,9 @@ const JOIN_ITEMS_MIN: usize = 4096;
 /// Items by which the axis to halve along is chosen.
 const AXIS_ITEMS: usize = 64;
 
+/// A squared distance below all others: an item that has it ends a search.
+pub const END_OF_SEARCH: f64 = f64::NEG_INFINITY;
+
 /// An axis-aligned box; empty if `low` is above `high`.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, PartialEq)]
 pub struct Bounds {

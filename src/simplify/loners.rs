@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 
-use crate::geometry::boxtree::{Bounds, BoxTree};
+use crate::geometry::boxtree::{Bounds, BoxTree, END_OF_SEARCH};
 use crate::geometry::distance_sq;
 use crate::geometry::triangle::area;
 use crate::mesh::{ClusterMesh, FaceId, LocalVertex};
@@ -14,6 +14,9 @@ use crate::mesh::{ClusterMesh, FaceId, LocalVertex};
 /// Factor on area × squared distance. It is high because the face stands for its whole component, and the surface near
 /// it may vanish, too.
 const PRICE: f64 = 32.0;
+
+/// Faces that a search for the nearest one looks at: where thousands lie across each other, a tree does not help.
+const LOOKS_MAX: u32 = 1024;
 
 /// An isolated face, found at one of its vertices.
 #[derive(Debug, Clone, Copy)]
@@ -43,10 +46,14 @@ impl Loners {
         let mut loners: Vec<FaceId> = faces.iter().map(|loner| loner.face).collect();
         loners.sort_unstable();
         loners.dedup();
-        let priced: Vec<Option<PricedFace>> =
-            loners.iter().map(|&face| price_face(mesh, &tree, &loners, face)).collect();
+        let areas: Vec<f64> = loners.iter().map(|&face| area(mesh.triangle(face))).collect();
+        let sizes = areas.iter().zip(&loners).max_by(|a, b| a.0.total_cmp(b.0).then(a.1.cmp(b.1)));
+        let Some((_, &longest)) = sizes else { return };
+        let loners = SizedFaces { faces: loners, areas, longest };
+        let price = |&face: &FaceId| price_face(mesh, &tree, &loners, face);
+        let priced: Vec<Option<PricedFace>> = loners.faces.iter().map(price).collect();
         self.prices.extend(faces.into_iter().filter_map(|Loner { vertex, face }| {
-            let PricedFace { price, neighbour } = priced[loners.binary_search(&face).ok()?]?;
+            let PricedFace { price, neighbour } = priced[loners.faces.binary_search(&face).ok()?]?;
             Some(Price { vertex, price, neighbour })
         }));
     }
@@ -70,6 +77,23 @@ impl Loners {
     }
 }
 
+/// Isolated faces and their areas.
+#[derive(Debug)]
+struct SizedFaces {
+    /// Ascending.
+    faces: Vec<FaceId>,
+    areas: Vec<f64>,
+    /// The face that stays longest.
+    longest: FaceId,
+}
+
+impl SizedFaces {
+    /// The area of one of the faces, and the face: those with the least vanish first. `None` for another face.
+    fn size_of(&self, face: FaceId) -> Option<(f64, FaceId)> {
+        self.faces.binary_search(&face).ok().map(|at| (self.areas[at], face))
+    }
+}
+
 /// The price of an isolated face.
 #[derive(Debug, Clone, Copy)]
 struct PricedFace {
@@ -78,14 +102,19 @@ struct PricedFace {
     neighbour: LocalVertex,
 }
 
-/// Prices one of some isolated faces, which are sorted; `None` if no other face stays longer.
-fn price_face(mesh: &ClusterMesh, tree: &BoxTree, loners: &[FaceId], face: FaceId) -> Option<PricedFace> {
-    let size_of = |face: FaceId| (area(mesh.triangle(face)), face);
-    let stays_longer = |other: FaceId| loners.binary_search(&other).is_err() || size_of(other) > size_of(face);
+/// Prices one of the isolated faces; `None` if no other face stays longer. Of very many faces around its middle, the
+/// first ones count, or if it outlasts them all, the isolated face that stays longest.
+fn price_face(mesh: &ClusterMesh, tree: &BoxTree, loners: &SizedFaces, face: FaceId) -> Option<PricedFace> {
+    let own = loners.size_of(face);
+    let stays_longer = |other: FaceId| loners.size_of(other).is_none_or(|size| Some(size) > own);
     let triangle = mesh.triangle(face);
     let middle = triangle.into_iter().sum::<DVec3>() / 3.0;
-    let mut nearest = (f64::INFINITY, face);
+    let (mut nearest, mut looks) = ((f64::INFINITY, face), 0);
     tree.nearest_sq(middle, f64::INFINITY, |other| {
+        looks += 1;
+        if looks > LOOKS_MAX {
+            return END_OF_SEARCH;
+        }
         let other = FaceId::new(other);
         let corners = mesh.triangle(other);
         // Cheap test first: the boxes of most faces are too far away.
@@ -98,6 +127,9 @@ fn price_face(mesh: &ClusterMesh, tree: &BoxTree, loners: &[FaceId], face: FaceI
         }
         away_sq
     });
+    if nearest.1 == face && looks > LOOKS_MAX && loners.longest != face {
+        nearest = (distance_sq(middle, mesh.triangle(loners.longest)), loners.longest);
+    }
     let (away_sq, other) = nearest;
     let price = (PRICE * area(triangle) * away_sq) as f32;
     price.is_finite().then(|| PricedFace { price, neighbour: mesh.vertices(other)[0] })
@@ -136,5 +168,19 @@ mod tests {
         let single = samples::mesh_of([DVec3::ZERO, DVec3::X, DVec3::Y].map(|p| (p, DVec2::NAN)), &[[0, 1, 2]]);
         loners.price(&single, vec![Loner { vertex: v(0), face: f(0) }]);
         assert_eq!(loners.price_of(v(0)), None);
+    }
+
+    // The faces lie in one place; those with higher ids stay longer.
+    #[test]
+    fn a_face_among_very_many_is_priced_by_the_one_that_stays_longest() {
+        let count = 4 * LOOKS_MAX;
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y].map(|corner| (corner, DVec2::NAN));
+        let vertices = (0..count).flat_map(|_| corners);
+        let faces: Vec<_> = (0..count).map(|at| [3 * at, 3 * at + 1, 3 * at + 2]).collect();
+        let mesh = samples::mesh_of(vertices, &faces);
+        let mut loners = Loners::default();
+        loners.price(&mesh, (0..count).map(|at| Loner { vertex: v(3 * at), face: f(at) }).collect());
+        assert!((0..count).all(|at| loners.price_of(v(3 * at)).is_some() == (at + 1 < count)));
+        assert_eq!(loners.neighbour_of(v(6 * LOOKS_MAX)), Some(v(3 * (count - 1))));
     }
 }

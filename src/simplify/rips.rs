@@ -11,7 +11,7 @@
 use glam::{DVec3, Vec3};
 
 use crate::base::id::TiVec;
-use crate::geometry::boxtree::{Bounds, BoxTree};
+use crate::geometry::boxtree::{Bounds, BoxTree, END_OF_SEARCH};
 use crate::mesh::ClusterMesh;
 use crate::mesh::class::Classes;
 use crate::mesh::id::{FaceId, LocalVertex};
@@ -19,6 +19,10 @@ use crate::mesh::ring::{Rings, Spoke};
 
 /// Largest number of faces of a vertex that is paired: each compares all pairs of its faces.
 pub const FACES_MAX: usize = 32;
+
+/// Border vertices that a search looks at: where thousands lie within the length of one edge, but on borders that do not
+/// face its vertex, a tree does not help.
+const LOOKS_MAX: u32 = 1024;
 
 /// Border vertices, each with the nearest one of another border, or of another part of its own.
 #[derive(Debug, Default)]
@@ -46,8 +50,12 @@ impl Rips {
         let tree = BoxTree::new(rims.len(), |item| Bounds::around([place(item)]));
         for rim in rims.iter().filter(|rim| !mesh.is_locked(rim.vertex)) {
             let at = mesh.positions[rim.vertex];
-            let mut nearest = (rim.reach_sq, LocalVertex::NONE);
+            let (mut nearest, mut looks) = ((rim.reach_sq, LocalVertex::NONE), 0);
             tree.nearest_sq(at, rim.reach_sq, |item| {
+                looks += 1;
+                if looks > LOOKS_MAX {
+                    return END_OF_SEARCH;
+                }
                 let other = &rims[item as usize];
                 let distance_sq = at.distance_squared(place(item));
                 let is_beside = |face: FaceId| mesh.vertices(face).contains(&other.vertex);
@@ -176,6 +184,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::mesh::class::classify;
     use crate::mesh::cluster::samples::mesh_of;
     use crate::mesh::id::short::v;
 
@@ -200,6 +209,23 @@ mod tests {
         let vertices = places.map(|[x, y]| (DVec3::new(x, y, 0.0), DVec2::ZERO));
         let (mesh, rings) = with_rings(mesh_of(vertices, &[[0, 1, 2], [0, 2, 1]]));
         assert_eq!(closeness(&mesh, &rings, v(0), v(3)), 1.0);
+    }
+
+    // The copies of the first face lie between it and the face across, and face the same way as it does.
+    #[test]
+    fn a_search_among_very_many_borders_ends() {
+        let partner = |copies: u32| {
+            let first = [[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]];
+            let across = [[-0.5, -0.5], [-4.0, -0.5], [-0.5, -4.0]];
+            let vertices = (0..copies).flat_map(|_| first).chain(across);
+            let faces: Vec<_> = (0..=copies).map(|at| [3 * at, 3 * at + 1, 3 * at + 2]).collect();
+            let (mesh, rings) = with_rings(mesh_of(vertices.map(|[x, y]| (DVec3::new(x, y, 0.0), DVec2::NAN)), &faces));
+            let (mut classes, mut rips) = (TiVec::new(), Rips::default());
+            classify(&mesh, &rings, &mut classes);
+            rips.pair(&mesh, &rings, &classes);
+            rips.partner_of(v(0)).map(|partner| partner == v(3 * copies))
+        };
+        assert_eq!([1, 20, 2 * LOOKS_MAX].map(partner), [Some(true), Some(true), None]);
     }
 
     proptest! {
