@@ -9,9 +9,13 @@ use super::refusal::Refusal;
 use super::shape_rule::ShapeRule;
 use super::texture::{insets, uv_on_chain, uv_on_ring};
 use crate::cost::{EdgeCase, Metric};
+use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::id::{Corner, Edge, FaceId, LocalVertex};
 use crate::mesh::ring::Rings;
+
+/// Faces, at most, that stand for an isolated face that vanishes: a hub has too many for each.
+const KEPT_MAX: usize = 2 * VALENCE_MAX;
 
 /// A collapse candidate.
 #[derive(Debug, Clone, Copy)]
@@ -181,7 +185,7 @@ impl Collapser {
         }
         if self.changed.is_empty() {
             let beside = rings.faces(mesh, collapse.neighbour.unwrap_or(collapse.to));
-            for face in beside.filter(|face| !self.star.dying.contains(face)) {
+            for face in beside.filter(|face| !self.star.dying.contains(face)).take(KEPT_MAX) {
                 self.patches.push_kept(mesh.triangle(face), mesh.deviations[face]);
                 self.changed.push(face);
             }
