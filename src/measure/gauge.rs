@@ -72,6 +72,7 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
         });
     }
     let mut to_result = at_most_sq(result, &of_input)?;
+    let noise_sq = result.rounding_noise().powi(2);
     let mut spread = RandomPoints::new(spacing, most, 0);
     for piece in &result.pieces {
         progress.check_stopped()?;
@@ -79,7 +80,8 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
         let triangle = |&[a, b, c]: &[PieceVertex; 3]| [corners.position(a), corners.position(b), corners.position(c)];
         let triangles: Vec<[DVec3; 3]> = corners.faces.iter().map(triangle).collect();
         drop(corners);
-        let search = || nearest_sq(triangles.len(), |face| triangles[face as usize], &of_input, &mut to_result);
+        let targets = Targets { count: triangles.len(), triangle: |face| triangles[face as usize], noise_sq };
+        let search = || targets.lower(&of_input, &mut to_result);
         let spread_points = || {
             for &triangle in &triangles {
                 let are_met = chosen.are_met(triangle);
@@ -95,22 +97,21 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     }
     let mut to_input = vec![f64::INFINITY; of_result.len()];
     let of_input = |triangle| probes.triangle(ProbeTriangle::new(triangle));
-    nearest_sq(probes.triangle_count(), of_input, &of_result, &mut to_input);
+    Targets { count: probes.triangle_count(), triangle: of_input, noise_sq }.lower(&of_result, &mut to_input);
     if to_result.is_empty() || result.face_count() == 0 {
         return Ok(None);
     }
-    Ok(gauged(probes, &to_input, &to_result, result.rounding_noise()))
+    Ok(gauged(probes, &to_input, &to_result))
 }
 
 /// Figures of squared distances: those of the input's points to the result begin with the points that have weights.
-/// Distances up to `noise` are rounding. `None` if all points with weights were given up.
-fn gauged(probes: &Probes, to_input: &[f64], to_result: &[f64], noise: f64) -> Option<Gauged> {
-    let counted = |distance_sq: &f64| if *distance_sq <= noise * noise { 0.0 } else { *distance_sq };
+/// `None` if all points with weights were given up.
+fn gauged(probes: &Probes, to_input: &[f64], to_result: &[f64]) -> Option<Gauged> {
     let is_found = |distance_sq: &&f64| **distance_sq != GIVEN_UP;
     let found = |distances: &[f64]| distances.iter().filter(is_found).count();
     let mean_of = |distances: &[f64]| match found(distances) {
         0 => 0.0,
-        count => distances.iter().filter(is_found).map(counted).sum::<f64>() / count as f64,
+        count => distances.iter().filter(is_found).sum::<f64>() / count as f64,
     };
     let (anywhere, in_cells) = to_result.split_at(probes.points.len());
     let weighed = || anywhere.iter().zip(&probes.weights).filter(|(distance_sq, _)| is_found(distance_sq));
@@ -120,7 +121,7 @@ fn gauged(probes: &Probes, to_input: &[f64], to_result: &[f64], noise: f64) -> O
     if share == 0.0 {
         return None;
     }
-    let sum: f64 = weighed().map(|(distance_sq, weight)| weight * counted(distance_sq)).sum();
+    let sum: f64 = weighed().map(|(distance_sq, weight)| weight * distance_sq).sum();
     let to_result_sq = sum / (probes.area() * share);
     // A result of a few hundred faces may have no point in any cell: both directions then have the input's deviation.
     let to_input_sq =
@@ -155,18 +156,38 @@ fn at_most_sq(result: &StoredMesh, points: &[DVec3]) -> Result<Vec<f64>> {
     }
     let tree = BoxTree::new(landmarks.len(), |index| Bounds::around([landmarks[index as usize]]));
     let mut distances_sq = vec![f64::INFINITY; points.len()];
-    lower(&tree, points, &mut distances_sq, |point, index, _| landmarks[index as usize].distance_squared(point));
+    let noise_sq = result.rounding_noise().powi(2);
+    lower(&tree, points, &mut distances_sq, |point, index, _| {
+        counted(landmarks[index as usize].distance_squared(point), noise_sq)
+    });
     Ok(distances_sq)
 }
 
-/// Lowers the squared distances of points to those from `count` triangles.
-fn nearest_sq(count: usize, triangle: impl Fn(u32) -> [DVec3; 3] + Sync, points: &[DVec3], distances_sq: &mut [f64]) {
-    let tree = BoxTree::new(count, |face| Bounds::around(triangle(face)));
-    lower(&tree, points, distances_sq, |point, face, limit| {
-        let corners = triangle(face);
-        let may_be_nearer = Bounds::around(corners).distance_sq(point) < limit;
-        if may_be_nearer { closest_point(point, corners).distance_squared(point) } else { limit }
-    });
+/// A squared distance, or 0 if it is just rounding.
+fn counted(distance_sq: f64, noise_sq: f64) -> f64 {
+    if distance_sq <= noise_sq { 0.0 } else { distance_sq }
+}
+
+/// Triangles that distances are measured to.
+struct Targets<T> {
+    count: usize,
+    triangle: T,
+    /// Squared distances up to this are rounding, and count as 0: nothing is nearer, so the search ends.
+    noise_sq: f64,
+}
+
+impl<T: Fn(u32) -> [DVec3; 3] + Sync> Targets<T> {
+    /// Lowers the squared distances of points to those from the triangles.
+    fn lower(&self, points: &[DVec3], distances_sq: &mut [f64]) {
+        let tree = BoxTree::new(self.count, |face| Bounds::around((self.triangle)(face)));
+        lower(&tree, points, distances_sq, |point, face, limit| {
+            let corners = (self.triangle)(face);
+            if Bounds::around(corners).distance_sq(point) >= limit {
+                return limit;
+            }
+            counted(closest_point(point, corners).distance_squared(point), self.noise_sq)
+        });
+    }
 }
 
 /// Lowers the squared distances of points to those from the items of a tree. `distance_sq` is that of a point and an
@@ -233,13 +254,23 @@ mod tests {
         let mesh = samples::mesh_of(corners, &[[0, 1, 2], [2, 1, 3]]);
         let probes = Probing::new(2, 1, 1.0).take(&mesh, DVec3::ZERO, ClusterId::new(0));
         let count = probes.points.len();
-        let whole = gauged(&probes, &[4.0, 4.0], &vec![9.0; count], 0.0).unwrap();
+        let whole = gauged(&probes, &[4.0, 4.0], &vec![9.0; count]).unwrap();
         let mut some: Vec<f64> = (0..count).map(|point| if point % 3 == 0 { GIVEN_UP } else { 9.0 }).collect();
-        let left = gauged(&probes, &[4.0, GIVEN_UP], &some, 0.0).unwrap();
+        let left = gauged(&probes, &[4.0, GIVEN_UP], &some).unwrap();
         assert!((left.rms - whole.rms).abs() < 1e-12 && (left.to_result - whole.to_result).abs() < 1e-12);
         assert_eq!(left.points as usize, 1 + count - count.div_ceil(3));
         assert_eq!(whole.points as usize, 2 + count);
         some.fill(GIVEN_UP);
-        assert_eq!(gauged(&probes, &[4.0], &some, 0.0), None);
+        assert_eq!(gauged(&probes, &[4.0], &some), None);
+    }
+
+    #[test]
+    fn a_point_on_very_many_triangles_is_found() {
+        let triangle = |_| [DVec3::ZERO, DVec3::X, DVec3::Y + DVec3::Z];
+        let targets = Targets { count: 2 * LOOKS_MAX as usize, triangle, noise_sq: 1e-12 };
+        let mut distances_sq = [f64::INFINITY; 2];
+        let beside = |shift: f64| DVec3::new(0.2, 0.2 - shift, 0.2 + shift);
+        targets.lower(&[1e-7, 1e-3].map(beside), &mut distances_sq);
+        assert_eq!(distances_sq, [0.0, GIVEN_UP]);
     }
 }
