@@ -62,7 +62,10 @@ impl JetFitter {
             for at in start..end {
                 for &corner in rings.of(self.near[at]) {
                     for v in mesh.others_of(corner) {
-                        if self.seen[v] != self.epoch && self.near.len() < NEIGHBOURS_MAX {
+                        if self.near.len() >= NEIGHBOURS_MAX {
+                            return;
+                        }
+                        if self.seen[v] != self.epoch {
                             self.seen[v] = self.epoch;
                             self.near.push(v);
                         }

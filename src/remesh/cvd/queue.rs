@@ -22,6 +22,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::base::id::{TiSlice, TiVec};
 use crate::geometry::triangle::regularity;
+use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::{Corner, FaceId, LocalVertex, WedgePair};
 use crate::mesh::ring::Rings;
@@ -61,7 +62,7 @@ pub fn sound_faces(mesh: &ClusterMesh) -> TiVec<FaceId, bool> {
 
 /// Writes the other ends of the edges from a vertex to vertices with higher ids that may be split. Such an edge has two
 /// sound faces, which run along it in opposite directions and have the same wedges there, and no other cluster has the
-/// edge.
+/// edge. Edges at a hub stay whole: to look through all its faces for each of them takes too long.
 pub fn splittable(
     mesh: &ClusterMesh,
     rings: &Rings,
@@ -70,11 +71,15 @@ pub fn splittable(
     ends: &mut Vec<LocalVertex>,
 ) {
     ends.clear();
+    let is_hub = |vertex: LocalVertex| rings.of(vertex).len() > VALENCE_MAX;
+    if is_hub(vertex) {
+        return;
+    }
     for &corner in rings.of(vertex) {
         let far = corner.others();
         for (k, other) in far.map(|c| mesh.vertex_of(c)).into_iter().enumerate() {
             let is_rim = mesh.is_shared(vertex) && mesh.is_shared(other);
-            if other <= vertex || is_rim || ends.contains(&other) {
+            if other <= vertex || is_rim || is_hub(other) || ends.contains(&other) {
                 continue;
             }
             let pair_at = |corner, far| WedgePair { from: mesh.wedge_of(corner), to: mesh.wedge_of(far) };
@@ -335,5 +340,15 @@ mod tests {
         assert_eq!(ends(0), [6], "0-1 and 0-5 are border edges");
         assert_eq!(ends(7), [8, 13], "7-12 lies on the seam");
         assert_eq!(ends(6), [7, 12], "6-11 may be another cluster's, too");
+    }
+
+    #[test]
+    fn edges_at_a_hub_are_not_split() {
+        let mesh = samples::disc(VALENCE_MAX as u32 + 1);
+        let mut rings = Rings::default();
+        rings.build(&mesh);
+        let mut ends = Vec::new();
+        splittable(&mesh, &rings, &mesh.per_face(true), v(0), &mut ends);
+        assert!(ends.is_empty());
     }
 }
