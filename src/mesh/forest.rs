@@ -36,6 +36,13 @@ impl<I: Id> DisjointSets<I> {
         self.parent(member) == member
     }
 
+    /// Adds a set of one member, and returns that.
+    pub fn add(&mut self) -> I {
+        let member = I::from(self.parents.len());
+        self.parents.push(member);
+        member
+    }
+
     /// The smallest member of each set.
     pub fn roots(&self) -> impl Iterator<Item = I> {
         self.parents

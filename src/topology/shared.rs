@@ -9,8 +9,9 @@
 //! the whole mesh counted as one [cell](super::cell), and the edges come in the same order at any memory budget.
 //!
 //! # Memory
-//! 100 bytes a face of a cluster; 16 bytes a shared vertex; 40 bytes for each component, chart and border that leaves
-//! its cluster; one bucket of shared sides at a time, of which no more than [`SIDES_KEPT`] of an edge stay.
+//! 100 bytes a face of a cluster; 20 bytes a shared vertex; 40 bytes for each component and chart that leaves its
+//! cluster, 4 for each border and each shared edge of one face; one bucket of shared sides at a time, of which no more
+//! than [`SIDES_KEPT`] of an edge stay.
 //!
 //! # Files
 //! `topology-sides.buckets` (88 bytes for each side of a face between shared vertices), removed at the end.
@@ -64,8 +65,10 @@ struct MeshSum<'a> {
     counts: MeshCounts,
     components: usize,
     charts: TiVec<OpenChart, Chart>,
-    borders: usize,
-    border_ends: Vec<BorderEnd>,
+    /// Borders that leave their cluster, those of one vertex in one set.
+    borders: DisjointSets<OpenBorder>,
+    /// The first border of each shared vertex, or none.
+    border_of: TiVec<SharedVertex, OpenBorder>,
     vertices: TiVec<SharedVertex, AtVertex>,
     border_edges: Option<Vec<[DVec3; 2]>>,
     border_limit: usize,
@@ -86,8 +89,8 @@ impl<'a, W: FnMut(&[SeamEdge]) -> Result<()>> Counter<'a, W> {
             counts: MeshCounts::default(),
             components: 0,
             charts: TiVec::new(),
-            borders: 0,
-            border_ends: Vec::new(),
+            borders: DisjointSets::new(0),
+            border_of: vec![OpenBorder::NONE; shared.len() as usize].into(),
             vertices: vec![AtVertex::default(); shared.len() as usize].into(),
             border_edges: Some(Vec::new()),
             border_limit,
@@ -118,9 +121,10 @@ impl<'a, W: FnMut(&[SeamEdge]) -> Result<()>> Counter<'a, W> {
         sum.counts.add(&cluster.counts);
         sum.components += cluster.components;
         sum.charts.extend(cluster.charts);
-        let in_mesh = |end: BorderEnd| BorderEnd { border: end.border.plus(sum.borders as u32), ..end };
-        sum.border_ends.extend(cluster.border_ends.into_iter().map(in_mesh));
-        sum.borders += cluster.borders;
+        let own: Vec<OpenBorder> = (0..cluster.borders).map(|_| sum.borders.add()).collect();
+        for BorderEnd { vertex, border } in cluster.border_ends {
+            sum.meet_border(vertex, own[border.index()]);
+        }
         cluster.shared_vertices.iter().for_each(|(vertex, at)| sum.vertices[sum.shared.rank(*vertex)].add(at));
         sum.keep_border(&cluster.border_edges);
         Ok(())
@@ -137,7 +141,7 @@ impl<'a, W: FnMut(&[SeamEdge]) -> Result<()>> Counter<'a, W> {
         let mut matching = Matching {
             components: DisjointSets::new(sum.components),
             charts: DisjointSets::new(sum.charts.len()),
-            border: Vec::new(),
+            border: Some(Vec::new()),
         };
         for bucket in 0..buckets as usize {
             let mut records: Vec<SharedSide> = Vec::with_capacity((sides.len(bucket) as usize).min(CROWD_SIDES));
@@ -156,7 +160,7 @@ impl<'a, W: FnMut(&[SeamEdge]) -> Result<()>> Counter<'a, W> {
             }
         }
         sum.count_open(&mut matching);
-        sum.keep_shared_border(&matching.border, positions)?;
+        sum.keep_shared_border(matching.border.as_deref(), positions)?;
         Ok(Topology { counts: sum.counts.finished(), border: sum.border_edges })
     }
 }
@@ -165,8 +169,8 @@ impl<'a, W: FnMut(&[SeamEdge]) -> Result<()>> Counter<'a, W> {
 struct Matching {
     components: DisjointSets<OpenComponent>,
     charts: DisjointSets<OpenChart>,
-    /// Shared edges of one face.
-    border: Vec<[PartitionVertex; 2]>,
+    /// Shared edges of one face; `None` if there are more than asked for.
+    border: Option<Vec<[PartitionVertex; 2]>>,
 }
 
 impl Matching {
@@ -196,7 +200,10 @@ impl Matching {
             sum.vertices[sum.shared.rank(vertex)].add_edge(edge.len() == 1);
         }
         if edge.len() == 1 {
-            self.border.push(first.vertices);
+            let border = sum.borders.add();
+            first.vertices.into_iter().for_each(|vertex| sum.meet_border(vertex, border));
+            self.border = self.border.take().filter(|kept| kept.len() < sum.border_limit);
+            self.border.iter_mut().for_each(|kept| kept.push(first.vertices));
         }
         if joint == Joint::Chart {
             self.charts.join(first.chart, edge[1].chart);
@@ -216,8 +223,17 @@ impl MeshSum<'_> {
         }
     }
 
+    /// Joins a border with the others that meet it at a shared vertex.
+    fn meet_border(&mut self, vertex: PartitionVertex, border: OpenBorder) {
+        let first = &mut self.border_of[self.shared.rank(vertex)];
+        match first.some() {
+            Some(other) => self.borders.join(other, border),
+            None => *first = border,
+        }
+    }
+
     /// Counts the components, charts, borders and vertices that several clusters have.
-    fn count_open(&mut self, Matching { components, charts, border }: &mut Matching) {
+    fn count_open(&mut self, Matching { components, charts, .. }: &mut Matching) {
         self.counts.topology.components += components.roots().count() as u64;
         let mut whole = self.charts.clone();
         for (chart, part) in self.charts.iter_enumerated() {
@@ -228,28 +244,20 @@ impl MeshSum<'_> {
         }
         charts.roots().for_each(|chart| self.counts.add_chart(&whole[chart]));
 
-        let mut ends = std::mem::take(&mut self.border_ends);
-        for (at, vertices) in border.iter().enumerate() {
-            ends.extend(vertices.map(|vertex| BorderEnd { vertex, border: OpenBorder::from(self.borders + at) }));
-        }
-        ends.sort_unstable();
-        let mut borders = DisjointSets::new(self.borders + border.len());
-        for same in ends.chunk_by(|a, b| a.vertex == b.vertex) {
-            same[1..].iter().for_each(|end| borders.join(same[0].border, end.border));
-        }
-        self.counts.topology.boundary_loops += borders.roots().count() as u64;
+        self.counts.topology.boundary_loops += self.borders.roots().count() as u64;
         self.vertices.iter().for_each(|at| self.counts.add_vertex(at));
     }
 
     fn keep_shared_border(
         &mut self,
-        border: &[[PartitionVertex; 2]],
+        border: Option<&[[PartitionVertex; 2]]>,
         positions: impl Fn(&[PartitionVertex]) -> Result<Vec<DVec3>>,
     ) -> Result<()> {
-        if self.border_edges.as_ref().is_none_or(|kept| kept.len() + border.len() > self.border_limit) {
+        let kept = self.border_edges.as_ref().map_or(0, Vec::len);
+        let Some(border) = border.filter(|border| kept + border.len() <= self.border_limit) else {
             self.border_edges = None;
             return Ok(());
-        }
+        };
         let mut ids: Vec<PartitionVertex> = border.iter().flatten().copied().collect();
         ids.sort_unstable();
         ids.dedup();
