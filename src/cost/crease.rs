@@ -16,10 +16,9 @@ use glam::{DVec3, Vec3};
 
 use super::local::LocalQuadric;
 use crate::base::id::TiSlice;
-use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::{Corner, LocalVertex};
-use crate::mesh::ring::Rings;
+use crate::mesh::ring::{Rings, VALENCE_MAX};
 
 /// A vertex may have sharp edges if the mean normal of its faces is shorter than this.
 const MEAN_NORMAL_MAX: f32 = 0.9;

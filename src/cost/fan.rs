@@ -2,10 +2,9 @@
 
 use glam::DVec3;
 
-use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::{FaceId, LocalVertex};
-use crate::mesh::ring::Rings;
+use crate::mesh::ring::{Rings, VALENCE_MAX};
 
 /// One face around a vertex.
 #[derive(Debug, Clone, Copy)]

@@ -26,11 +26,11 @@ use super::metric::{EdgeCase, LANES, Metric, MovingWedge, Placement};
 use super::weights::Weights;
 use crate::base::cache::prefetch;
 use crate::base::id::TiVec;
-use crate::mesh::class::{Class, Classes, VALENCE_MAX};
+use crate::mesh::class::{Class, Classes};
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::edge::{EdgeKind, edge_kind, kind_among};
 use crate::mesh::id::{Corner, End, LocalVertex, Wedge, WedgePair};
-use crate::mesh::ring::{Rings, Spoke};
+use crate::mesh::ring::{Rings, Spoke, VALENCE_MAX};
 
 /// Stiffness of the spring that holds a vertex to its position, relative to the trace of A.
 const SPRING: f64 = 1e-5;

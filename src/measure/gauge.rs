@@ -80,7 +80,7 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
         let triangle = |&[a, b, c]: &[PieceVertex; 3]| [corners.position(a), corners.position(b), corners.position(c)];
         let triangles: Vec<[DVec3; 3]> = corners.faces.iter().map(triangle).collect();
         drop(corners);
-        let targets = Targets { count: triangles.len(), triangle: |face| triangles[face as usize], noise_sq };
+        let targets = MeasuredFaces { count: triangles.len(), triangle: |face| triangles[face as usize], noise_sq };
         let search = || targets.lower(&of_input, &mut to_result);
         let spread_points = || {
             for &triangle in &triangles {
@@ -97,7 +97,7 @@ pub fn gauge(probes: &Probes, result: &StoredMesh, progress: &dyn Progress) -> R
     }
     let mut to_input = vec![f64::INFINITY; of_result.len()];
     let of_input = |triangle| probes.triangle(ProbeTriangle::new(triangle));
-    Targets { count: probes.triangle_count(), triangle: of_input, noise_sq }.lower(&of_result, &mut to_input);
+    MeasuredFaces { count: probes.triangle_count(), triangle: of_input, noise_sq }.lower(&of_result, &mut to_input);
     if to_result.is_empty() || result.face_count() == 0 {
         return Ok(None);
     }
@@ -169,14 +169,14 @@ fn counted(distance_sq: f64, noise_sq: f64) -> f64 {
 }
 
 /// Triangles that distances are measured to.
-struct Targets<T> {
+struct MeasuredFaces<T> {
     count: usize,
     triangle: T,
     /// Squared distances up to this are rounding, and count as 0: nothing is nearer, so the search ends.
     noise_sq: f64,
 }
 
-impl<T: Fn(u32) -> [DVec3; 3] + Sync> Targets<T> {
+impl<T: Fn(u32) -> [DVec3; 3] + Sync> MeasuredFaces<T> {
     /// Lowers the squared distances of points to those from the triangles.
     fn lower(&self, points: &[DVec3], distances_sq: &mut [f64]) {
         let tree = BoxTree::new(self.count, |face| Bounds::around((self.triangle)(face)));
@@ -267,7 +267,7 @@ mod tests {
     #[test]
     fn a_point_on_very_many_triangles_is_found() {
         let triangle = |_| [DVec3::ZERO, DVec3::X, DVec3::Y + DVec3::Z];
-        let targets = Targets { count: 2 * LOOKS_MAX as usize, triangle, noise_sq: 1e-12 };
+        let targets = MeasuredFaces { count: 2 * LOOKS_MAX as usize, triangle, noise_sq: 1e-12 };
         let mut distances_sq = [f64::INFINITY; 2];
         let beside = |shift: f64| DVec3::new(0.2, 0.2 - shift, 0.2 + shift);
         targets.lower(&[1e-7, 1e-3].map(beside), &mut distances_sq);

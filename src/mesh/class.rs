@@ -17,7 +17,7 @@
 
 use super::cluster::ClusterMesh;
 use super::id::LocalVertex;
-use super::ring::{Rings, Spoke};
+use super::ring::{Rings, Spoke, VALENCE_MAX};
 use crate::base::id::{TiSlice, TiVec};
 
 /// Class of a vertex, by the charts and borders that meet there.
@@ -59,9 +59,6 @@ pub enum Rule {
     /// As `Onto`, but only along an edge of the seam or border.
     ChainOnto,
 }
-
-/// Largest valence of a vertex that may move or vanish. A larger fan waits until collapses on its rim have shrunk it.
-pub const VALENCE_MAX: usize = 128;
 
 impl Class {
     /// All classes, in the order of the table.

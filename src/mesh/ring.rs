@@ -8,11 +8,13 @@
 
 use std::ops::Range;
 
-use super::class::VALENCE_MAX;
 use super::cluster::ClusterMesh;
 use super::id::{Corner, FaceId, LocalVertex, Wedge, WedgePair};
 use crate::base::cache::prefetch;
 use crate::base::id::TiVec;
+
+/// Largest valence of a vertex that may move or vanish. A larger fan waits until collapses on its rim have shrunk it.
+pub const VALENCE_MAX: usize = 128;
 
 /// Corners at each vertex.
 #[derive(Debug, Clone, Default)]

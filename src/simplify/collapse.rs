@@ -9,10 +9,9 @@ use super::refusal::Refusal;
 use super::shape_rule::ShapeRule;
 use super::texture::{insets, uv_on_chain, uv_on_ring};
 use crate::cost::{EdgeCase, Metric};
-use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::{ClusterMesh, flag};
 use crate::mesh::id::{Corner, Edge, FaceId, LocalVertex};
-use crate::mesh::ring::Rings;
+use crate::mesh::ring::{Rings, VALENCE_MAX};
 
 /// Faces, at most, that stand for an isolated face that vanishes: a hub has too many for each.
 const KEPT_MAX: usize = 2 * VALENCE_MAX;

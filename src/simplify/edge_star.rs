@@ -5,10 +5,9 @@
 use super::fold::FoldCheck;
 use super::shape_rule::ShapeRule;
 use crate::base::id::TiVec;
-use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::{Corner, FaceId, LocalVertex, Wedge, WedgePair};
-use crate::mesh::ring::Rings;
+use crate::mesh::ring::{Rings, VALENCE_MAX};
 
 /// Properties of the faces around a vertex that is to vanish.
 #[derive(Debug, Clone, Copy, Default)]

@@ -22,10 +22,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::base::id::{TiSlice, TiVec};
 use crate::geometry::triangle::regularity;
-use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::ClusterMesh;
 use crate::mesh::id::{Corner, FaceId, LocalVertex, WedgePair};
-use crate::mesh::ring::Rings;
+use crate::mesh::ring::{Rings, VALENCE_MAX};
 use crate::mesh::split::EdgePoint;
 
 /// Depth to which a picked point makes new candidates: at most 7 points an edge.

@@ -6,10 +6,10 @@ use super::super::triangle_change::triangle_survives;
 use super::*;
 use crate::base::chance::{mixed, unit};
 use crate::mesh::FaceId;
-use crate::mesh::class::VALENCE_MAX;
 use crate::mesh::cluster::{flag, samples};
 use crate::mesh::fold::{are_folded, are_nearly_folded};
 use crate::mesh::id::short::{f, pair, v, w};
+use crate::mesh::ring::VALENCE_MAX;
 
 //   4                       4 ........
 //   |\   face 0-3-4,        | \        ........       vertex 0 goes to 1: face 0-3-4 becomes 1-3-4, which spans
