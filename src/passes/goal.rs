@@ -100,8 +100,8 @@ impl Aim {
     }
 
     /// Returns how a pass over `clusters` clusters with the deviation bound `most` stops. The first pass spends half of
-    /// the bound before it uses the rest, so that the cheapest collapses come first; later passes start from a mesh
-    /// simplified under half of their bound. A single cluster ends at the target at the latest.
+    /// the bound before it uses the rest, so that the cheapest collapses come first. A single cluster ends at the
+    /// target at the latest.
     pub fn within(self, most: f64, turn: usize, clusters: usize) -> StopRule {
         let keep = vec![if clusters == 1 { self.target } else { 0 }; clusters];
         StopRule::Deviation(if turn == 0 { half_first(most) } else { vec![most] }, keep.into())

@@ -204,7 +204,7 @@ impl<'a> InMemory<'a> {
         let faces = self.mesh.face_count as u64;
         let purpose = self.aim().purpose(pass.turn, faces as f64);
         let sample = sample::patch(&self.mesh, sample::sample_faces(faces, purpose) as usize);
-        Some(self.engine.share_within(sample, &self.options.rules(pass, self.aim()), &half_first(bound)))
+        Some(self.engine.share_within(sample, &self.options.sample_rules(pass, self.aim()), &half_first(bound)))
     }
 
     /// Cost thresholds for a second attempt; `None` if the first one stands.

@@ -123,6 +123,11 @@ impl PassOptions {
             deviation_max: aim.bound_of(pass.turn),
         }
     }
+
+    /// What the engine may do to a sample: seams are free unless they are locked in all passes.
+    pub(super) fn sample_rules(&self, pass: Pass, aim: Aim) -> EngineRules {
+        EngineRules { lock_seams: self.seams == SeamPolicy::Lock, ..self.rules(pass, aim) }
+    }
 }
 
 #[cfg(test)]

@@ -3,8 +3,7 @@
 
 use super::clusters::Sweep;
 use super::goal::{Aim, Goal, half_first};
-use super::metric_engine::EngineRules;
-use super::options::{PassOptions, SeamPolicy};
+use super::options::PassOptions;
 use super::pass_id::Pass;
 use super::run::Run;
 use super::sample::{self, Survey};
@@ -92,17 +91,12 @@ impl Run<'_> {
     /// Returns the thresholds for these shares of the faces, measured on a sample.
     fn thresholds(&self, sample: ClusterMesh, pass: Pass, shares: &[f64]) -> Vec<f32> {
         let _permit = self.permits.take(self.bytes_of_sample(&sample));
-        self.engine.thresholds(sample, &self.sample_rules(pass), shares)
+        self.engine.thresholds(sample, &self.options.sample_rules(pass, self.aim()), shares)
     }
 
     /// Memory in bytes of a sample while it is simplified.
     fn bytes_of_sample(&self, sample: &ClusterMesh) -> u64 {
         sample.corners.len() as u64 * (ORDINARY_BYTES + self.options.cost.extra_face_bytes())
-    }
-
-    /// What the engine may do to a sample: what it may do to the clusters in all passes together.
-    fn sample_rules(&self, pass: Pass) -> EngineRules {
-        EngineRules { lock_seams: self.options.seams == SeamPolicy::Lock, ..self.rules(pass) }
     }
 
     /// Returns the share of the faces that the bound on the deviation alone would leave, measured on a sample; `None`
@@ -120,7 +114,7 @@ impl Run<'_> {
             sample = self.patch_of_faces(&survey, partition, reading::read(partition, &self.state.mesh, only)?);
         }
         let _permit = self.permits.take(Anchor::with_room(self.bytes_of_sample(&sample)));
-        Ok(Some(self.engine.share_within(sample, &self.sample_rules(pass), &half_first(bound))))
+        Ok(Some(self.engine.share_within(sample, &self.options.sample_rules(pass, self.aim()), &half_first(bound))))
     }
 
     /// Chooses the clusters that give patches during a pass, as the sample for the next pass.

@@ -71,6 +71,24 @@ fn a_mesh_in_memory_ends_as_near_as_one_in_a_file() {
 }
 
 #[test]
+fn a_target_beside_a_bound_costs_no_faces() {
+    let town = load(&town());
+    let run = |target: Target| {
+        let options = SimplifyOptions { target, ..ratio(1.0) };
+        let (_, report) = simplify_mesh(&town, &options, &Silent).unwrap();
+        assert!(report.is_reached);
+        report.output as f64
+    };
+    let alone = run(Target::max_error(0.2));
+    for share in [0.1, 0.9, 1.2, 2.0, 4.0] {
+        let target = (alone * share) as u64;
+        let both = run(Target::faces(target).within(0.2));
+        assert!(both <= (target as f64).max(1.1 * alone), "{both} triangles of {target}, by the bound alone {alone}");
+        assert!(both + 2.0 >= target as f64, "{both} triangles of {target}");
+    }
+}
+
+#[test]
 fn what_does_not_change_keeps_every_bit() {
     let before = load(&town());
     let (after, report) = simplify_mesh(&before, &ratio(1.0), &Silent).unwrap();
