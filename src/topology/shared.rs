@@ -11,7 +11,7 @@
 //! # Memory
 //! 100 bytes a face of a cluster; 20 bytes a shared vertex; 40 bytes for each component and chart that leaves its
 //! cluster, 4 for each border and each shared edge of one face; one bucket of shared sides at a time, of which no more
-//! than [`SIDES_KEPT`] of an edge stay.
+//! than three of an edge stay.
 //!
 //! # Files
 //! `topology-sides.buckets` (88 bytes for each side of a face between shared vertices), removed at the end.
