@@ -200,7 +200,8 @@ pub struct SimplifyFlags {
     /// Passes over shifted clusters, 1 to 16
     ///
     /// The run adds up to 12 passes if the target is far below the input, or if locked borders of clusters keep it out of
-    /// reach. If --max-error ends the passes, the last of them is the first that removes less than 2 % of the triangles
+    /// reach. If --max-error ends them, a single cluster takes one pass, and several take passes until one
+    /// removes less than 2 % of the triangles
     #[arg(long, value_name = "COUNT", default_value_t = 3, help_heading = heading::JOB, hide_short_help = true)]
     #[arg(value_parser = quantity::parse_whole::<usize>)]
     passes: usize,

@@ -78,7 +78,7 @@ pub(super) trait MetricEngine: Sync {
     /// Simplifies a sample; returns the cost thresholds that leave these shares of its faces.
     fn thresholds(&self, sample: ClusterMesh, rules: &EngineRules, shares: &[f64]) -> Vec<f32>;
     /// Simplifies a sample as far as these bounds on the deviation allow, one after the other, in units of length;
-    /// returns the share of its faces that is left.
+    /// returns the share of its free faces that is left.
     fn share_within(&self, sample: ClusterMesh, rules: &EngineRules, bounds: &[f64]) -> f64;
 }
 

@@ -58,8 +58,9 @@ impl Run<'_> {
             StopRule::Costs(_) | StopRule::Deviation(..)
                 if faces_out < self.options.target && !partition.is_single() =>
             {
-                // The sample did not represent the whole mesh. A cluster ends one face below its stop, or exactly at it:
-                // where that matters, all of them stop above the target, and the trim takes over.
+                // The sample did not represent the whole mesh, or the bound allows more than is wanted. A cluster ends one
+                // face below its stop, or exactly at it: where that matters, all of them stop above the target, and the
+                // trim takes over.
                 let is_exact = self.has_large(partition);
                 let wanted = if is_exact { self.options.target } else { self.before_trim() };
                 let keep = give_back(&partition.face_counts(), &left, wanted);
