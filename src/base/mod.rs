@@ -19,6 +19,7 @@ pub mod quantity;
 pub mod records;
 pub mod recycled;
 pub mod threads;
+pub mod ticker;
 
 pub use budget::{Allowance, MemoryBudget, Permit, Permits, WorkLimits};
 pub use counts::{counted, grouped};

@@ -11,11 +11,9 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
-use std::thread::Builder;
 use std::time::Duration;
 
-use crossbeam_channel::{RecvTimeoutError, bounded};
-
+use super::ticker::ticking;
 use super::{Error, Progress, Result};
 
 /// Time between two looks at whether a job is to stop.
@@ -95,22 +93,15 @@ impl Pool {
     /// Those of `work`; [`Error::Stopped`].
     pub fn run<T>(self, progress: &dyn Progress, work: impl FnOnce() -> Result<T>) -> Result<T> {
         let terms = Arc::clone(&self.terms);
-        std::thread::scope(|scope| {
-            let look = move || {
-                if progress.is_stopped() {
-                    terms.is_stopped.store(true, Ordering::Relaxed);
-                }
-            };
-            look();
-            let (over, end) = bounded::<()>(0);
-            let watch = move || {
-                while end.recv_timeout(LOOK_INTERVAL) == Err(RecvTimeoutError::Timeout) {
-                    look();
-                }
-            };
-            // Without that thread, the job stops where it asks `progress` itself.
-            let _ = Builder::new().spawn_scoped(scope, watch);
-            let (_inside, _over) = (self.enter(), over);
+        let look = move || {
+            if progress.is_stopped() {
+                terms.is_stopped.store(true, Ordering::Relaxed);
+            }
+        };
+        look();
+        // Without a thread for it, the job stops where it asks `progress` itself.
+        ticking(LOOK_INTERVAL, look, || {
+            let _inside = self.enter();
             work()
         })
     }

@@ -8,14 +8,12 @@ use serde_json::json;
 
 use super::answer::CommandAnswer;
 use super::print::{print, print_json};
-use super::progress::stoppable;
-use super::stop::Goodbye;
+use super::stop::run_unkept;
 use crate::base::pool::{Durability, Pool};
 use crate::base::{Error, Progress, Result, WorkLimits};
 use crate::image::textures::TextureImages;
 use crate::measure::{Check, Regression, Surface, compare_checks, compare_topology, weld_and_check};
 use crate::os::durable::temporary_folder;
-use crate::os::signals::StopSignal;
 use crate::plan::memory;
 use crate::read::{Scan, ScanOptions, find_inputs, scan};
 use crate::surface::cells::{SurfaceCells, SurfacePlace};
@@ -47,18 +45,15 @@ pub struct CheckArguments {
 /// # Errors
 /// If a mesh cannot be read.
 pub fn run(arguments: &CheckArguments) -> Result<u8> {
-    let stop = StopSignal::listen()?;
-    let goodbye = Goodbye::of_nothing(&stop);
-    let checked = match check(arguments, &*stoppable(true, stop)) {
-        Err(Error::Stopped) => return Ok(goodbye.say()),
-        outcome => outcome?,
+    let show = |checked: &Checked| {
+        if arguments.json {
+            print_json(&checked.json())?
+        } else {
+            print(&checked.table())?
+        }
+        Ok(u8::from(checked.is_bad()))
     };
-    if arguments.json {
-        print_json(&checked.json())?;
-    } else {
-        print(&checked.table())?;
-    }
-    Ok(u8::from(checked.is_bad()))
+    run_unkept(true, |progress| check(arguments, progress), show)
 }
 
 /// Checks for a program that calls the command.

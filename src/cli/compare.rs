@@ -8,8 +8,7 @@ use clap::Args;
 use super::answer::CommandAnswer;
 use super::flags::heading;
 use super::print::{print, print_json};
-use super::progress::stoppable;
-use super::stop::Goodbye;
+use super::stop::run_unkept;
 use crate::base::error::escape_path;
 use crate::base::{Error, Progress, Result, bytes, grouped, quantity};
 use crate::measure::compare::{
@@ -18,7 +17,6 @@ use crate::measure::compare::{
 };
 use crate::options::Limits;
 use crate::os::durable::temporary_folder;
-use crate::os::signals::StopSignal;
 use crate::plan::{memory, scratch};
 use crate::read;
 use crate::read::InputChoice;
@@ -118,18 +116,15 @@ impl SamplingArguments {
 /// # Errors
 /// Those of [`compare::compare`], and of writing the JSON.
 pub fn run(arguments: &CompareArguments) -> Result<u8> {
-    let stop = StopSignal::listen()?;
-    let goodbye = Goodbye::of_nothing(&stop);
-    let comparison = match compare(arguments, &*stoppable(arguments.quiet, stop)) {
-        Err(Error::Stopped) => return Ok(goodbye.say()),
-        outcome => outcome?,
+    let show = |comparison: &Comparison| {
+        if arguments.json {
+            print_json(comparison)?
+        } else {
+            print(&table(comparison))?
+        }
+        Ok(0)
     };
-    if arguments.json {
-        print_json(&comparison)?
-    } else {
-        print(&table(&comparison))?
-    }
-    Ok(0)
+    run_unkept(arguments.quiet, |progress| compare(arguments, progress), show)
 }
 
 /// Compares for a program that calls the command.

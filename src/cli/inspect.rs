@@ -7,11 +7,9 @@ use clap::Args;
 use super::answer::CommandAnswer;
 use super::input::InputArguments;
 use super::print::{print, print_json};
-use super::progress::stoppable;
-use super::stop::Goodbye;
-use crate::base::{Error, Progress, Result, bytes};
+use super::stop::run_unkept;
+use crate::base::{Progress, Result, bytes};
 use crate::inspect::{self, InspectOptions, Inspection};
-use crate::os::signals::StopSignal;
 
 /// Arguments of `drystone inspect`.
 #[derive(Debug, Args)]
@@ -40,18 +38,15 @@ pub struct InspectArguments {
 /// # Errors
 /// Those of [`inspect::inspect`].
 pub fn run(arguments: &InspectArguments) -> Result<u8> {
-    let stop = StopSignal::listen()?;
-    let goodbye = Goodbye::of_nothing(&stop);
-    let inspection = match inspect(arguments, &*stoppable(arguments.quiet, stop)) {
-        Err(Error::Stopped) => return Ok(goodbye.say()),
-        outcome => outcome?,
+    let show = |inspection: &Inspection| {
+        if arguments.json {
+            print_json(inspection)?
+        } else {
+            print(&inspection.table())?
+        }
+        Ok(0)
     };
-    if arguments.json {
-        print_json(&inspection)?
-    } else {
-        print(&inspection.table())?
-    }
-    Ok(0)
+    run_unkept(arguments.quiet, |progress| inspect(arguments, progress), show)
 }
 
 /// Inspects for a program that calls the command.

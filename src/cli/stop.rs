@@ -6,8 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Builder;
 use std::time::{Duration, Instant};
 
-use super::progress::tell;
+use super::progress::{stoppable, tell};
 use crate::base::error::{escape_path, is_unseen};
+use crate::base::{Error, Progress, Result};
 use crate::os::signals::StopSignal;
 use crate::read::InputChoice;
 
@@ -91,6 +92,25 @@ impl Goodbye {
 
     fn exit_code(&self) -> u8 {
         128 + self.stop.number().unwrap_or(0)
+    }
+}
+
+/// Does the work of a command that keeps nothing and shows what it found, unless a signal stops it. Returns the exit code.
+///
+/// # Errors
+/// Those of `work` and `show`.
+pub fn run_unkept<T>(
+    quiet: bool,
+    work: impl FnOnce(&dyn Progress) -> Result<T>,
+    show: impl FnOnce(&T) -> Result<u8>,
+) -> Result<u8> {
+    let stop = StopSignal::listen()?;
+    let goodbye = Goodbye::of_nothing(&stop);
+    // The bar is gone before anything is shown.
+    let outcome = work(&*stoppable(quiet, stop));
+    match outcome {
+        Err(Error::Stopped) => Ok(goodbye.say()),
+        outcome => show(&outcome?),
     }
 }
 

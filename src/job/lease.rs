@@ -13,12 +13,10 @@ use std::io::{self, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
-use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant, SystemTime};
 
-use crossbeam_channel::{RecvTimeoutError, Sender, bounded};
-
 use crate::base::error::escape_path;
+use crate::base::ticker::Ticker;
 use crate::base::{Error, Progress, Result, lock};
 use crate::os::durable::{folder_of, new_job_number, no_links};
 use crate::os::system::{host_name, kernel_start, write_all_at};
@@ -48,8 +46,7 @@ const LEASE_BYTES_MAX: usize = 256;
 #[derive(Debug)]
 pub(super) struct Lease {
     file: Arc<LeaseFile>,
-    stop: Option<Sender<()>>,
-    heart: Option<JoinHandle<()>>,
+    heart: Option<Ticker>,
 }
 
 /// What a process knows of its lease.
@@ -122,17 +119,15 @@ impl Lease {
     }
 
     fn beating(file: LeaseFile) -> Self {
-        let (file, (stop, stopped)) = (Arc::new(file), bounded::<()>(0));
+        let file = Arc::new(file);
         let beating = Arc::clone(&file);
-        let beat = move || {
-            while stopped.recv_timeout(BEAT) == Err(RecvTimeoutError::Timeout) {
-                // A failure is seen when a look is needed.
-                let _ = beating.look();
-            }
-        };
         // Without a thread, the lease is renewed when a step is recorded.
-        let heart = Builder::new().name("lease".into()).spawn(beat).ok();
-        Self { file, stop: Some(stop), heart }
+        let heart = Ticker::start("lease", BEAT, move || {
+            // A failure is seen when a look is needed.
+            let _ = beating.look();
+            BEAT
+        });
+        Self { file, heart: Some(heart) }
     }
 
     /// The file of the lease.
@@ -143,10 +138,7 @@ impl Lease {
 
 impl Drop for Lease {
     fn drop(&mut self) {
-        drop(self.stop.take());
-        if let Some(heart) = self.heart.take() {
-            let _ = heart.join();
-        }
+        drop(self.heart.take());
         if self.file.confirm_now().is_ok() {
             let _ = fs::remove_file(&self.file.path);
         }

@@ -5,13 +5,12 @@
 //! and doubles the interval, so a run of hours has as many as one of seconds. No result depends on this.
 
 use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crossbeam_channel::{RecvTimeoutError, Sender, bounded};
 use serde::Serialize;
 
 use super::system;
+use crate::base::ticker::Ticker;
 use crate::base::{Progress, lock};
 
 /// Time between two samples at the start of a run.
@@ -57,8 +56,7 @@ pub struct Recorder<'a> {
     listener: &'a dyn Progress,
     clock: Clock,
     timeline: Arc<Mutex<Timeline>>,
-    stop: Option<Sender<()>>,
-    sampler: Option<JoinHandle<()>>,
+    sampler: Option<Ticker>,
 }
 
 impl<'a> Recorder<'a> {
@@ -66,42 +64,25 @@ impl<'a> Recorder<'a> {
     pub fn start(listener: &'a dyn Progress) -> Self {
         let clock = Clock { started: Instant::now(), io_base: system::io_bytes() };
         let timeline = Arc::new(Mutex::new(Timeline::default()));
-        let (stop, stopped) = bounded::<()>(0);
         let shared = Arc::clone(&timeline);
-        let sampling = move || {
-            let mut interval = FIRST_INTERVAL;
-            while stopped.recv_timeout(interval) == Err(RecvTimeoutError::Timeout) {
-                if keep(&mut lock(&shared).samples, || clock.sample()) {
-                    interval *= 2;
-                }
+        let mut interval = FIRST_INTERVAL;
+        let sampler = Ticker::start("sampler", interval, move || {
+            if keep(&mut lock(&shared).samples, || clock.sample()) {
+                interval *= 2;
             }
-        };
-        let sampler = std::thread::Builder::new().name("sampler".into()).spawn(sampling).ok();
-        Self { listener, clock, timeline, stop: Some(stop), sampler }
+            interval
+        });
+        Self { listener, clock, timeline, sampler: Some(sampler) }
     }
 
     /// Stops recording and returns the timeline.
     pub fn finish(mut self) -> Timeline {
-        self.halt();
+        drop(self.sampler.take());
         let mut timeline = std::mem::take(&mut *lock(&self.timeline));
         let last = self.clock.sample();
         timeline.samples.push(last);
         close(&mut timeline.phases, last.seconds);
         timeline
-    }
-
-    fn halt(&mut self) {
-        drop(self.stop.take());
-        if let Some(sampler) = self.sampler.take() {
-            // If the sampler panicked, its samples so far are kept.
-            let _ = sampler.join();
-        }
-    }
-}
-
-impl Drop for Recorder<'_> {
-    fn drop(&mut self) {
-        self.halt();
     }
 }
 

@@ -7,7 +7,6 @@
 
 use std::path::Path;
 use std::sync::Mutex;
-use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -19,7 +18,7 @@ use super::hands::{HandsEnd, Lending};
 use super::results::{RESULTS, ResultFrame, TaskContents};
 use super::stage_file::{Order, Stage, StageTask};
 use crate::base::lock::lock;
-use crate::base::threads::start;
+use crate::base::ticker::ticking;
 use crate::base::{Error, Progress, Result, counted};
 use crate::file::name::is_file_name;
 use crate::job::WorkFolder;
@@ -312,18 +311,8 @@ struct Watch<'a> {
 
 impl Watch<'_> {
     fn during<T>(&self, work: impl FnOnce() -> T) -> T {
-        let (end, ended) = mpsc::channel::<()>();
-        thread::scope(|scope| {
-            // Without a thread for it, the progress hears of the tasks at the end.
-            let _watching = start(scope, move || {
-                while ended.recv_timeout(LOOK_INTERVAL) == Err(RecvTimeoutError::Timeout) {
-                    self.tell_of(|task| self.stage.file_of(task, RESULTS).exists());
-                }
-            });
-            // Dropped once the work is over, also by a panic: the watcher ends.
-            let _end = end;
-            work()
-        })
+        // Without a thread for it, the progress hears of the tasks at the end.
+        ticking(LOOK_INTERVAL, || self.tell_of(|task| self.stage.file_of(task, RESULTS).exists()), work)
     }
 
     fn tell_of(&self, is_done: impl Fn(&StageTask) -> bool) {
