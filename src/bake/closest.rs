@@ -7,7 +7,7 @@
 //! wall do not mix.
 //!
 //! # Memory
-//! That of [`Nearby`], for at most [`GATHERED_MAX`] triangles, and the touched pages of [`VIEWS`] cells.
+//! That of [`Nearby`], for at most [`GATHERED_MAX`] triangles, and [`OPEN_BYTES`] of open cells: [`FINDER_BYTES`].
 
 use glam::DVec3;
 
@@ -23,8 +23,10 @@ use crate::geometry::{closest_point, distance_sq};
 use crate::surface::cell::{Cell, CellView};
 use crate::surface::order::{order_by_distance, sort_by_distance};
 
-/// Cells kept open at once.
-const VIEWS: usize = 32;
+/// Memory of a finder in bytes.
+pub const FINDER_BYTES: u64 = OPEN_BYTES + (2 << 20);
+/// Bytes of the cells that are kept open at once, if they are more than one.
+const OPEN_BYTES: u64 = 6 << 20;
 /// Cells that are put in order for each block of texels; the others stay in that of the patch.
 const BLOCK_CELLS: usize = 64;
 /// Triangles near a region above which it is halved.
@@ -266,14 +268,19 @@ impl<'a> ClosestPlaces<'a> {
         })
     }
 
-    /// Opens a cell unless it is open, and closes the least recently opened one.
+    /// Opens a cell unless it is open, and closes those opened first while all have more than [`OPEN_BYTES`].
     fn open(&mut self, cell: u32) -> Result<&CellView> {
         let at = match self.views.iter().position(|(open, _)| *open == cell) {
             Some(at) => at,
             None => {
                 let view = self.cells()[cell as usize].view()?;
-                self.views.truncate(VIEWS - 1);
                 self.views.insert(0, (cell, view));
+                let fits = |bytes: &mut u64, (open, _): &(u32, CellView)| {
+                    *bytes += self.original.surface.cells[*open as usize].bytes();
+                    Some(*bytes <= OPEN_BYTES)
+                };
+                let most = self.views.iter().scan(0, fits).take_while(|&fits| fits).count();
+                self.views.truncate(most.max(1));
                 0
             }
         };

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::arithmetic;
 use super::catalogue::image_catalogue;
+use super::closest::FINDER_BYTES;
 use super::crew::{BAKE, PatchCrew, piece_path};
 use super::original::{Original, OriginalSurface};
 use super::painters::PAINTER_BYTES;
@@ -322,24 +323,25 @@ impl BakeSize {
     pub fn expected_bytes(self, side: u32, threads: usize) -> u64 {
         let of_image = |count: u64| count as f64 / self.images.max(1) as f64;
         let largest = LARGEST * TEXEL_BYTES * of_image(self.texels);
-        let patch = canvas_bytes(side).min(largest as u64) + (FACE_BYTES as f64 * of_image(self.faces)) as u64;
+        let faces = (FACE_BYTES as f64 * of_image(self.faces)) as u64;
+        let patch = canvas_bytes(side).min(largest as u64) + faces + FINDER_BYTES;
         threads as u64 * PAINTER_BYTES + self.images.min(threads as u64) * patch
     }
 }
 
 /// Least memory of a bake with images of this side, in bytes.
 pub fn image_bytes(side: u32) -> u64 {
-    canvas_bytes(side) + PAINTER_BYTES
+    canvas_bytes(side) + FINDER_BYTES + PAINTER_BYTES
 }
 
-/// Memory of a patch that is being baked, in bytes.
+/// Memory of a patch that is being baked, beside that of the painters, in bytes.
 pub(super) fn patch_bytes(side: u32, partition: &Partition, cluster: ClusterId) -> u64 {
-    canvas_bytes(side) + FACE_BYTES * partition.face_count(cluster)
+    canvas_bytes(side) + FACE_BYTES * partition.face_count(cluster) + FINDER_BYTES
 }
 
 /// Painters of images of this side.
 pub(super) fn painter_count(side: u32, limits: WorkLimits) -> usize {
-    let most = (limits.work_bytes.saturating_sub(canvas_bytes(side)) / PAINTER_BYTES) as usize;
+    let most = (limits.work_bytes.saturating_sub(canvas_bytes(side) + FINDER_BYTES) / PAINTER_BYTES) as usize;
     most.clamp(1, limits.threads.max(1))
 }
 

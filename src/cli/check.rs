@@ -129,8 +129,11 @@ fn check_tiles_against(tiles: &Path, input: &Path, progress: &dyn Progress) -> R
 }
 
 fn counts(path: &Path, progress: &dyn Progress) -> Result<Check> {
-    let surface = with_scan(path, progress, |scan, _| Surface::load(&scan.mesh, &scan.catalogue))?;
-    weld_and_check(&surface)
+    let (surface, dropped) = with_scan(path, progress, |scan, _| {
+        Ok((Surface::load(&scan.mesh, &scan.catalogue)?, scan.findings.get("degenerate_faces")))
+    })?;
+    let found = weld_and_check(&surface)?;
+    Ok(Check { degenerate_faces: found.degenerate_faces + dropped, ..found })
 }
 
 /// Reads a mesh into a temporary folder, which is removed after `then` is done with it.

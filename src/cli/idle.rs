@@ -27,10 +27,12 @@ pub fn refuse(matches: &ArgMatches, has_hands: bool) -> Result<()> {
     Ok(())
 }
 
-fn needs(command: &str, given: &ArgMatches, has_hands: bool) -> [Need; 5] {
+fn needs(command: &str, given: &ArgMatches, has_hands: bool) -> [Need; 7] {
     // A command without the other option gives its own meaning to the first.
     let textures = value::<TextureFiles>(given, "textures");
     let makes_images = textures.is_none_or(|files| files == TextureFiles::Bake) || is_given(given, "tile");
+    let keeps_images = textures.is_none_or(|files| files != TextureFiles::Bake);
+    let moves_images = textures.is_none_or(|files| files != TextureFiles::Reference);
     let measures = value::<bool>(given, "measure").is_none_or(|measures| measures);
     let is_glb = |path: PathBuf| ResultFormat::by_ending(&path) == Some(ResultFormat::Glb);
     let prices_drift =
@@ -40,6 +42,8 @@ fn needs(command: &str, given: &ArgMatches, has_hands: bool) -> [Need; 5] {
         (&["texels", "atlas", "image"], makes_images, "`textures: bake`"),
         (&["samples", "seed"], measures, "`measure`"),
         (&["uv_weight"], prices_drift, "`metric: qem-attributes`"),
+        (&["uv_weight"], keeps_images, "textures that the result keeps"),
+        (&["textures_outside"], moves_images, "`textures: copy`"),
         (&["up"], turns, "an output that ends in .glb"),
         (&["tasks", "task_tries"], has_hands || is_given(given, "task_runner"), "`task_runner`"),
     ]
@@ -76,6 +80,8 @@ mod tests {
             ("samples 5000", "`measure`"),
             ("seed 4", "`measure`"),
             ("uv-weight 2 --metric terrain", "`metric: qem-attributes`"),
+            ("uv-weight 2 --textures bake", "textures that the result keeps"),
+            ("textures-outside copy --textures reference", "`textures: copy`"),
             ("up y", "an output that ends in .glb"),
             ("tasks 5", "`task_runner`"),
             ("task-tries 9", "`task_runner`"),

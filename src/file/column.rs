@@ -102,6 +102,11 @@ impl<T: Pod> Segment<T> {
         self.count == 0
     }
 
+    /// Bytes of the records.
+    pub fn bytes(&self) -> u64 {
+        self.count.saturating_mul(size_of::<T>() as u64)
+    }
+
     /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path

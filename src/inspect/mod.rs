@@ -174,7 +174,9 @@ fn inspect_in_clusters(
     let mut partition = partition::partition(&mesh, &catalogue, work.path(), "pass-0", &partition_options)?;
     findings.merge(std::mem::take(&mut partition.findings));
     let counting = Counting { mesh: &mesh, partition: &partition, catalogue: &catalogue, threads, work_bytes };
-    let topology = counting.count(work.path(), &mut findings, progress)?;
+    let mut topology = counting.count(work.path(), &mut findings, progress)?;
+    // With those that the scan and the partition dropped.
+    topology.degenerate_faces = findings.get("degenerate_faces");
 
     let [textures, missing_textures, outside_textures] = textures(&catalogue);
     let welded_vertices = findings.get("welded_vertices");

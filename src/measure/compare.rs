@@ -63,7 +63,6 @@ use crate::base::pool::{Durability, Pool};
 use crate::base::{Error, Findings, Progress, Result};
 use crate::os::system;
 use crate::read::InputChoice;
-use crate::surface::cells::CELL_FACES;
 
 /// Observer of a comparison, which may draw the meshes; it changes no number.
 pub trait Onlooker {
@@ -82,6 +81,8 @@ pub trait Onlooker {
 /// The observer that does nothing.
 impl Onlooker for () {}
 
+/// Approximate number of triangles of a cell.
+const CELL_FACES: u64 = 1 << 16;
 /// Names of the two meshes, and of their folders in the work folder.
 const NAMES: [&str; 2] = ["original", "result"];
 

@@ -47,7 +47,7 @@ macro_rules! choice {
 choice! {
     /// How texture seams are simplified.
     Seams {
-        /// Lock seams in the first pass, but not if --max-error ends it; then collapse them along their own line
+        /// Lock seams in the first of several passes, but not if --max-error ends it; then collapse them along their own line
         Stitch = "stitch",
         /// Collapse seams along their own line in every pass
         Follow = "follow",

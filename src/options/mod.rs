@@ -270,6 +270,9 @@ impl SimplifyOptions {
         if self.bakes() && !cfg!(feature = "images") {
             return fail("`textures: bake`: the crate is built without its feature `images`".into());
         }
+        if self.bakes() && self.seams.is_some() {
+            return fail("`seams`: of textures that `textures: bake` replaces: leave it out".into());
+        }
         if self.optimize && self.target.max_error.is_some() {
             return fail("`optimize` moves vertices without a bound: leave it out with `max_error`".into());
         }

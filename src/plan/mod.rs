@@ -11,6 +11,7 @@ pub mod bake;
 mod bake_forecast;
 mod machines;
 pub mod memory;
+mod output;
 pub mod passes;
 pub mod scratch;
 #[cfg(feature = "images")]
@@ -170,7 +171,7 @@ pub fn plan(input: impl Into<InputChoice>, options: &SimplifyOptions, progress: 
             free: system::free_disk_bytes(&folder).ok(),
             folder,
         },
-        output_bytes: (counts.bytes as f64 * target as f64 / counts.triangles as f64) as u64,
+        output_bytes: output::obj_bytes(&counts, &boxes, target),
         seconds: time::forecast(counts.bytes, &passes, target, threads)
             .with_bake(bake.map_or(0.0, |bake| bake.core_seconds), threads),
         bake,
@@ -225,7 +226,7 @@ impl Plan {
             }
             None => {
                 row(&mut text, "result", "as few triangles as the error allows, which only the run finds out;");
-                row(&mut text, "", "what follows holds if none can go, and is less otherwise");
+                row(&mut text, "", "sizes are those if none can go, and smaller otherwise");
                 "at most about"
             }
         };
@@ -257,7 +258,7 @@ impl Plan {
         let threads = counted(self.threads, "thread");
         let time = match duration(seconds.total) {
             time if time.starts_with("under") => time,
-            time => format!("{about} {time}"),
+            time => format!("about {time}"),
         };
         row(&mut text, "time", &format!("{time} on {threads} with a core each"));
         let of = [("scan", seconds.scan), ("partition", seconds.partition), ("simplify", seconds.simplify)];

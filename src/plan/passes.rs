@@ -26,6 +26,9 @@ pub struct PassForecast {
     /// Whether faces have texture coordinates.
     #[serde(skip)]
     pub is_textured: bool,
+    /// Whether it is the first that keeps within a bound.
+    #[serde(skip)]
+    pub leads_bound: bool,
 }
 
 /// Faces after remeshing for each face before; measured on photogrammetry.
@@ -33,7 +36,7 @@ const REMESH_FACES: f64 = 1.1;
 
 /// Predicts the passes of a run; `passes` is the number asked for.
 pub fn forecast(sizes: &Sizes, passes: usize) -> Vec<PassForecast> {
-    let &Sizes { faces: input, target, cluster_faces, is_textured, .. } = sizes;
+    let &Sizes { faces: input, target, cluster_faces, is_textured, is_bounded, .. } = sizes;
     let mut found = Vec::new();
     let mut faces = input;
     if let Some(remesh) = sizes.remesh {
@@ -49,6 +52,7 @@ pub fn forecast(sizes: &Sizes, passes: usize) -> Vec<PassForecast> {
                 is_trim: false,
                 is_remesh: true,
                 is_textured,
+                leads_bound: false,
             });
             faces = faces_out;
         }
@@ -73,6 +77,7 @@ pub fn forecast(sizes: &Sizes, passes: usize) -> Vec<PassForecast> {
             is_trim: false,
             is_remesh: false,
             is_textured,
+            leads_bound: is_bounded && pass == 0,
         });
         faces = faces_out;
     }
@@ -85,6 +90,7 @@ pub fn forecast(sizes: &Sizes, passes: usize) -> Vec<PassForecast> {
             is_trim: true,
             is_remesh: false,
             is_textured,
+            leads_bound: false,
         });
     }
     found

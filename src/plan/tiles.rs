@@ -114,7 +114,10 @@ pub fn plan_tiles(
     let images = bake::input_texels(&shown, &task, &mut findings);
     findings.merge(shown.findings);
 
-    let levels = forecast_levels(faces as f64, images.shown, options);
+    // Tiles have no image where neither materials nor vertices have colours.
+    let has_colour =
+        counts.has_colours || shown.catalogue.materials.iter().any(|material| material.definition.is_some());
+    let levels = forecast_levels(faces as f64, if has_colour { images.shown } else { 0.0 }, options);
     let sizes = Sizes::of(faces, counts.vertices, &simplify);
     let painting = threads as u64 * TileCrew::worker_bytes(options.tile_faces, options.tile_side);
     let painting = MemoryBudget::FIXED_BYTES + painting.max(images.decoding_bytes).min(budget.for_work());

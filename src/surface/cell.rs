@@ -100,6 +100,12 @@ impl Cell {
         self.faces.len()
     }
 
+    /// Bytes of its records: what an open one takes at most.
+    pub fn bytes(&self) -> u64 {
+        let trees = self.pairs.bytes() + self.tilted.bytes();
+        self.positions.bytes() + trees + self.faces.bytes() + self.colours.bytes()
+    }
+
     /// Whether its vertices have colours.
     pub fn has_colours(&self) -> bool {
         !self.colours.is_empty()

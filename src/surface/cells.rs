@@ -14,8 +14,8 @@ use crate::image::textures::TextureImages;
 use crate::model::{Catalogue, ColourRange, StoredMesh};
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, VisitOptions, reading, visit};
 
-/// Approximate number of triangles of a cell.
-pub const CELL_FACES: u64 = 1 << 16;
+/// Approximate number of triangles of a cell: some fit the memory of each thread that searches them.
+const CELL_FACES: u64 = 1 << 14;
 
 /// The cells of a mesh.
 #[derive(Debug, Serialize, Deserialize)]

@@ -81,6 +81,21 @@ def test_a_lifted_sphere_is_where_it_was_lifted_to(drystone, tmp_path):
     assert found["texture"] is None
 
 
+def test_faces_that_repeat_a_vertex_count_however_they_do_it(drystone, tmp_path):
+    """One repeats an index, one a position: both are degenerate, for every command that counts."""
+    mesh = tmp_path / "a.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0\nf 1 2 3\nf 1 2 1\nf 1 4 3\n")
+    inspected = json.loads(drystone("inspect", mesh, "--json").stdout)
+    assert inspected["topology"]["degenerate_faces"] == inspected["faults"]["degenerate_faces"] == 2
+    checked = json.loads(drystone("check", mesh, "--json", codes=(1,)).stdout)
+    assert checked["after"]["degenerate_faces"] == 2
+    clean = tmp_path / "clean.obj"
+    clean.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert json.loads(drystone("check", clean, "--against", mesh, "--json").stdout)["new"] == []
+    drystone("check", mesh, "--against", clean, codes=(1,))
+    assert compare(drystone, mesh, clean, tmp_path)["topology"]["before"]["degenerate_faces"] == 2
+
+
 def test_damaged_images_are_warnings(drystone, tmp_path):
     """Whatever lies in the place of an image, geometry is measured and the rest is told."""
     quad = "mtllib a.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"

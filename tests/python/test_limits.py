@@ -82,6 +82,14 @@ def test_every_metric_and_remeshing_fit_into_128_mib(drystone, middle_town, tmp_
     assert report["faces"]["output"] < report["faces"]["input"]
 
 
+@pytest.mark.parametrize("atlas, texels", [(256, 0.02), (512, 0.1), (4096, 0.1)])
+def test_new_images_of_any_size_fit_into_128_mib_and_the_plan(drystone, middle_town, tmp_path, atlas, texels):
+    options = ["--ratio", 0.05, "--textures", "bake", "--atlas", atlas, "--texels", texels, "--threads", 4]
+    planned = json.loads(drystone("plan", middle_town, "--memory", "128MiB", "--json", *options).stdout)
+    report = simplify_in_128_mib(drystone, middle_town, tmp_path, *options)
+    assert report["memory"]["peak_resident"] <= planned["memory"]["peak"]
+
+
 def test_lines_of_15_mb_are_read_one_after_the_other(drystone, tmp_path):
     """Polygons of 7.5 million corners that all repeat a vertex: the text and three times as much once parsed."""
     side = 100

@@ -113,7 +113,7 @@ impl MeasuredMesh {
         let mut seams = SeamWriter::create(work.path())?;
         let (shared, faces) = (&partition.faces.shared, partition.total_faces());
         let mut counter = Counter::create(work.path(), shared, faces, border_limit, |edges| seams.push(edges))?;
-        counter.add_degenerate(dropped.get("degenerate_faces"));
+        counter.add_degenerate(findings.get("degenerate_faces") + dropped.get("degenerate_faces"));
         let mut writer = CellWriter::create(&work.path().join("measure-cells.bin"), reference)?;
         progress.begin("prepare", partition.total_faces(), "faces");
         let options = VisitOptions { work_bytes: resources.limits().work_bytes, face_bytes: FACE_BYTES, progress };

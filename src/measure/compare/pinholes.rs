@@ -65,6 +65,9 @@ pub fn find(
 ) -> Result<Option<Pinholes>> {
     let Some(frame) = Frame::new(before.surface.bounds.low, before.surface.bounds.high) else { return Ok(None) };
     let most = layers(before, &frame).max(layers(after, &frame));
+    if !most.is_finite() {
+        return Ok(None);
+    }
     if most > LAYERS_MAX {
         warnings.push(format!("no pinholes are looked for: on average {most:.0} surfaces lie behind each other"));
         return Ok(None);
