@@ -2,7 +2,9 @@
 
 pub mod decode;
 pub mod encode;
+mod jpeg_scan;
 #[cfg(feature = "ktx2")]
 mod ktx2;
+pub mod sound;
 pub mod stored;
 pub mod textures;
