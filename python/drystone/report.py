@@ -692,6 +692,7 @@ class LevelCheck(Record):
     border_edges: int
     unequal_edges: int
     longest_skirt: float
+    duplicate_triangles: int
 
 
 @dataclass(frozen=True)
@@ -703,6 +704,7 @@ class TilesetCheck(Record):
     bytes: int
     levels: tuple[LevelCheck, ...]
     measured: int
+    error_factor: float | None
     fault_count: int
     faults: tuple[str, ...]
 

@@ -35,6 +35,7 @@ mod results;
 mod summary;
 mod targets;
 mod tile;
+mod tile_damage;
 mod tile_errors;
 mod tile_extremes;
 mod tile_sizes;

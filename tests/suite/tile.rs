@@ -311,6 +311,7 @@ fn tilesets_that_name_each_other_are_read_once() {
     let child =
         r#"{"boundingVolume":{"box":[0,0,0,1,0,0,0,1,0,0,0,1]},"geometricError":1,"content":{"uri":"tileset.json"}}"#;
     let root = child.replacen("\"content\":{\"uri\":\"tileset.json\"}", &format!("\"children\":[{child},{child}]"), 1);
+    let root = root.replacen('{', "{\"refine\":\"REPLACE\",", 1);
     let text = format!(r#"{{"asset":{{"version":"1.1"}},"geometricError":1,"root":{root}}}"#);
     fs::write(folder.path().join("tileset.json"), text).unwrap();
     let check = check_tileset(folder.path(), &Silent).unwrap();

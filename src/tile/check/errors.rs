@@ -22,7 +22,8 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use serde_json::Value;
 
-use super::content::{ReadTile, number};
+use super::content::ReadTile;
+use super::reader::number;
 use crate::base::{Progress, Result, WorkLimits};
 use crate::measure::compare::SurfacePair;
 use crate::model::id::ImageId;
@@ -125,9 +126,8 @@ impl<'a> TileErrors<'a> {
             }
         };
         let positions = tile.places.iter().map(|place| DVec3::from(place.map(|at| at as f64)) * tile.step).collect();
-        let surface = &tile.triangles[..tile.triangles.len() - tile.skirt_triangles];
         let face = |&vertices: &[u32; 3]| CellFace { vertices, image: ImageId::NONE, texcoords: [[0.0; 2]; 3] };
-        let faces: Vec<CellFace> = surface.iter().map(face).collect();
+        let faces: Vec<CellFace> = tile.surface().iter().map(face).collect();
         if !faces.is_empty() {
             level.writer.append(CellDraft::new(scale.origin, positions, &faces, Vec::new()))?;
             let limit = error / scale.factor + ROUNDING_STEPS * tile.step;
@@ -202,8 +202,7 @@ mod tests {
             step: STEP * every as f64,
             places: places.map(place).to_vec(),
             triangles: vec![[0, 1, 2], [0, 2, 3]],
-            skirt_triangles: 0,
-            image_bytes: 0,
+            ..ReadTile::default()
         }
     }
 

@@ -3,10 +3,12 @@
 //! ```text
 //! tileset.json ── tiles ── boxes, errors, names ──╮
 //!                   │                             ├──▶ faults
-//!                   ╰── GLBs ── box, borders ─────╯
+//!                   ╰── GLBs ── box, borders, ────╯
+//!                               accessors, image
 //! ```
 //! # Memory
-//! A tile at a time; 60 bytes for each edge along the borders; with an input, that of [`errors`].
+//! A tile at a time, with its image; 60 bytes for each edge along the borders, 100 for each tile without texture; with
+//! an input, that of [`errors`].
 //!
 //! # Source
 //! Open Geospatial Consortium, 3D Tiles 1.1 (22-025r4), sections 7 and 8.
@@ -14,6 +16,10 @@
 mod borders;
 mod content;
 mod errors;
+mod level;
+mod reader;
+mod texture;
+mod transform;
 
 use std::collections::{BTreeMap, HashSet};
 use std::path::{Component, Path, PathBuf};
@@ -22,11 +28,14 @@ use glam::DVec3;
 use serde::Serialize;
 use serde_json::Value;
 
-use self::borders::BorderEdges;
-use self::content::{number, read_glb};
+use self::content::{ReadTile, read_glb};
 pub use self::errors::TilesetInput;
 use self::errors::{ErrorScale, LevelErrors, TileErrors};
-use super::tileset::TILESET;
+use self::level::FoundLevel;
+pub use self::level::LevelCheck;
+use self::reader::{TileFault, number};
+use self::transform::transform_fault;
+use super::tileset::{ERROR_FACTOR, TILESET};
 use crate::base::error::{escape, escape_path};
 use crate::base::{Error, Findings, Progress, Result, grouped};
 use crate::geometry::boxtree::Bounds;
@@ -36,6 +45,8 @@ use crate::os::system::is_file;
 const FILE_BYTES_MAX: u64 = 1 << 28;
 /// Tiles below each other, and tilesets inside each other, at most.
 const DEPTH_MAX: usize = 200;
+/// Characters of a fault that are shown: some are those of a file.
+const WORDS_MAX: usize = 400;
 /// A box may be exceeded by this share of its size, for rounding.
 const ROUNDING: f64 = 1e-9;
 
@@ -52,31 +63,12 @@ pub struct TilesetCheck {
     pub levels: Vec<LevelCheck>,
     /// Tiles whose distances from the input were measured, in tilesets that are checked against one.
     pub measured: u64,
+    /// Geometric error by the distance from the input, as the tileset says; `None` if it does not.
+    pub error_factor: Option<f64>,
     /// Number of faults.
     pub fault_count: u64,
     /// The first faults of each kind.
     pub faults: Vec<String>,
-}
-
-/// What was found of a level.
-#[derive(Debug, Default, Clone, PartialEq, Serialize)]
-pub struct LevelCheck {
-    /// Step of its lattice, in the mesh's unit of length.
-    pub step: f64,
-    /// Files.
-    pub tiles: u64,
-    /// Triangles, those of skirts included.
-    pub triangles: u64,
-    /// Most triangles of a tile.
-    pub triangles_max: u64,
-    /// Bytes of the images.
-    pub image_bytes: u64,
-    /// Edges along the borders of tiles, each tile counted.
-    pub border_edges: u64,
-    /// Those of them that no other tile has.
-    pub unequal_edges: u64,
-    /// Largest length of a skirt, in the mesh's unit of length.
-    pub longest_skirt: f64,
 }
 
 /// Checks the tileset in a folder.
@@ -104,7 +96,7 @@ struct Checking<'a> {
     progress: &'a dyn Progress,
     found: TilesetCheck,
     /// By the bits of the step, which is positive.
-    levels: BTreeMap<u64, (LevelCheck, BorderEdges)>,
+    levels: BTreeMap<u64, FoundLevel>,
     /// Files of the tilesets that were read.
     tilesets: HashSet<PathBuf>,
     faults: Findings,
@@ -146,7 +138,8 @@ impl<'a> Checking<'a> {
     }
 
     fn fault(&mut self, kind: &'static str, path: &Path, words: &str) {
-        self.faults.note(kind, || format!("{}: {}", escape_path(path), escape(words.as_bytes())));
+        let shown: String = words.chars().take(WORDS_MAX).collect();
+        self.faults.note(kind, || format!("{}: {}", escape_path(path), escape(shown.as_bytes())));
     }
 
     /// Reads a file; `None`, with a fault, if it is too large.
@@ -175,12 +168,18 @@ impl<'a> Checking<'a> {
                 return Ok(());
             }
         };
+        if above.depth == 0 {
+            self.found.error_factor = number(&document["asset"]["extras"][ERROR_FACTOR]).filter(|&at| at > 0.0);
+        }
         if let Some(input) = self.input.filter(|_| above.depth == 0) {
             let scale = ErrorScale::of(&document).ok_or_else(|| {
                 let shown = escape_path(path);
                 Error::Usage(format!("{shown}: does not say where its tiles lie in the coordinates of the input"))
             })?;
             self.errors = Some(TileErrors::new(input, scale));
+        }
+        if document["root"]["refine"].is_null() {
+            self.fault("refine", path, "the root has none");
         }
         if document["asset"]["version"].as_str() != Some("1.1") {
             self.fault("tileset", path, "asset.version: expected 1.1");
@@ -211,12 +210,11 @@ impl<'a> Checking<'a> {
         if error.is_none() {
             self.fault("geometric error", path, "a tile has none, or a larger one than its parent");
         }
-        if !matches!(tile["refine"].as_str(), Some("REPLACE" | "ADD") | None) {
-            self.fault("tileset", path, "refine: expected REPLACE or ADD");
+        if !tile["refine"].is_null() && tile["refine"] != "REPLACE" {
+            self.fault("refine", path, "expected REPLACE");
         }
-        let has_matrix = |matrix: &Vec<Value>| matrix.len() == 16 && matrix.iter().all(|at| number(at).is_some());
-        if !tile["transform"].is_null() && !tile["transform"].as_array().is_some_and(has_matrix) {
-            self.fault("transform", path, "expected 16 numbers");
+        if let Some(words) = transform_fault(&tile["transform"], above.depth) {
+            self.fault("transform", path, words);
         }
         if error == Some(0.0) && tile["content"].is_null() && !tile["children"].is_null() {
             self.fault(
@@ -260,25 +258,29 @@ impl<'a> Checking<'a> {
                 Ok(None)
             }
             Ok(read) => {
-                let position = |place: &[i64; 3]| DVec3::from(place.map(|at| at as f64)) * read.step;
-                let own = Bounds::around(read.places.iter().map(position));
-                if tile.bounds.is_some_and(|around| !holds(around, own)) {
-                    self.fault("bounding volume", &path, "the box of the tile does not hold it");
-                }
-                let new = || (LevelCheck { step: read.step, ..LevelCheck::default() }, BorderEdges::default());
-                let (level, borders) = self.levels.entry(read.step.to_bits()).or_insert_with(new);
-                borders.add(&read);
-                level.tiles += 1;
-                level.triangles += read.triangles.len() as u64;
-                level.triangles_max = level.triangles_max.max(read.triangles.len() as u64);
-                level.image_bytes += read.image_bytes;
-                if let Some(errors) = &mut self.errors {
-                    errors.add(&path, &read, tile.error, tile.step)?;
-                    self.found.measured += 1;
-                }
+                self.add(&path, &read, tile)?;
                 Ok(Some(read.step))
             }
         }
+    }
+
+    /// Adds a tile that was read.
+    fn add(&mut self, path: &Path, read: &ReadTile, tile: Above) -> Result<()> {
+        for TileFault { kind, words } in &read.faults {
+            self.fault(kind, path, words);
+        }
+        let position = |place: &[i64; 3]| DVec3::from(place.map(|at| at as f64)) * read.step;
+        let own = Bounds::around(read.places.iter().map(position));
+        if tile.bounds.is_some_and(|around| !holds(around, own)) {
+            self.fault("bounding volume", path, "the box of the tile does not hold it");
+        }
+        let level = self.levels.entry(read.step.to_bits()).or_insert_with(|| FoundLevel::new(read.step));
+        level.add(path, read, tile.error);
+        if let Some(errors) = &mut self.errors {
+            errors.add(path, read, tile.error, tile.step)?;
+            self.found.measured += 1;
+        }
+        Ok(())
     }
 
     fn finish(mut self) -> Result<TilesetCheck> {
@@ -294,15 +296,14 @@ impl<'a> Checking<'a> {
                 self.fault("geometric error", self.folder, &words);
             }
         }
-        for (level, borders) in std::mem::take(&mut self.levels).into_values() {
-            let unequal = borders.unequal();
-            if unequal > 0 {
-                let words = format!("{unequal} edges of the level with step {} have no partner", level.step);
-                self.fault("border", self.folder, &words);
+        for level in std::mem::take(&mut self.levels).into_values() {
+            for path in level.without_texture() {
+                self.fault("texture", path, "it has none, as others of its level have");
             }
-            let longest_skirt = borders.longest_skirt * level.step;
-            let found = LevelCheck { border_edges: borders.edges, unequal_edges: unequal, longest_skirt, ..level };
-            self.found.levels.push(found);
+            for (kind, words) in level.faults(self.found.error_factor) {
+                self.fault(kind, self.folder, &words);
+            }
+            self.found.levels.push(level.into_check());
         }
         let fault_count = self.faults.iter().map(|(_, finding)| finding.count).sum();
         Ok(TilesetCheck { fault_count, faults: self.faults.warnings(), ..self.found })
@@ -351,8 +352,13 @@ impl TilesetCheck {
         }
         let _ = writeln!(text, "tiles: {}", self.tiles);
         let _ = writeln!(text, "bytes with {TILESET}: {}", self.bytes);
+        let duplicates: u64 = self.levels.iter().map(|level| level.duplicate_triangles).sum();
+        if duplicates > 0 {
+            let _ = writeln!(text, "duplicate triangles: {}", grouped(duplicates));
+        }
         if self.measured > 0 {
-            let _ = writeln!(text, "tiles measured against the input: {}", self.measured);
+            let factor = self.error_factor.unwrap_or_default();
+            let _ = writeln!(text, "tiles measured against the input: {}, error factor {factor}", self.measured);
         }
         self.faults.iter().for_each(|fault| _ = writeln!(text, "{fault}"));
         let _ = writeln!(text, "faults: {}", self.fault_count);
