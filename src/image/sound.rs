@@ -10,7 +10,7 @@
 //! found.
 //!
 //! # Memory
-//! That of an image of [`PIXELS_MAX`] pixels, 8 bytes each, and its decoder.
+//! That of an image of `PIXELS_MAX` pixels, 8 bytes each, and its decoder.
 //!
 //! # Source
 //! Khronos, KTX file format 2.0; Google, WebP container specification; W3C, PNG.
