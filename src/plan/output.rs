@@ -11,12 +11,17 @@ const NORMAL_BYTES: f64 = 24.0;
 /// Bytes of a colour behind a position, about.
 const COLOUR_BYTES: f64 = 27.0;
 
-/// Bytes of `faces` triangles as an OBJ, with as many vertices and texture coordinates for each of them as the input has.
-/// Its vertices lie in `boxes`.
+/// Powers of the share of triangles that is left, by which each of them has more vertices and texture coordinates than in
+/// the input: small parts, borders and seams lose fewer. Within a ninth of results at 50, 10 and 2 % of five meshes.
+const VERTEX_GROWTH: f64 = -0.03;
+const TEXCOORD_GROWTH: f64 = -0.15;
+
+/// Bytes of `faces` triangles of an input as an OBJ, without images. Its vertices lie in `boxes`.
 pub fn obj_bytes(counts: &Counts, boxes: &[RecordBounds], faces: u64) -> u64 {
     let share = faces as f64 / counts.triangles.max(1) as f64;
-    let [vertices, texcoords, normals] =
-        [counts.vertices, counts.texcoords, counts.normals].map(|count| count as f64 * share);
+    let left = |count: u64, growth: f64| if count > 0 { count as f64 * libm::pow(share, 1.0 + growth) } else { 0.0 };
+    let [vertices, normals] = [counts.vertices, counts.normals].map(|count| left(count, VERTEX_GROWTH));
+    let texcoords = left(counts.texcoords, TEXCOORD_GROWTH);
     let colour = if counts.has_colours { COLOUR_BYTES } else { 0.0 };
     // `v` and the line's end, and a blank before each coordinate.
     let coordinates = (0..3).map(|axis| 1.0 + coordinate_bytes(counts.decimals, boxes, axis)).sum::<f64>();
@@ -54,16 +59,16 @@ mod tests {
     use super::*;
 
     fn is_about(found: u64, measured: u64) -> bool {
-        (found as f64 / measured as f64 - 1.0).abs() < 0.15
+        (found as f64 / measured as f64 - 1.0).abs() < 0.1
     }
 
     #[test]
     fn sizes_are_about_those_of_results() {
         // The town of the fixtures at a tenth.
         let town = Counts {
-            bytes: 1_123_926,
-            vertices: 9_523,
-            texcoords: 18_000,
+            bytes: 1_123_258,
+            vertices: 9_386,
+            texcoords: 12_604,
             normals: 0,
             polygons: 18_218,
             triangles: 18_218,

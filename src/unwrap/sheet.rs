@@ -9,7 +9,7 @@ use super::columns::OpenColumns;
 use super::mask::{CellRun, Grid, Mask};
 
 /// Classes of sizes for a factor of two.
-const SIZE_CLASSES: f64 = 4.0;
+const SIZE_CLASSES: f64 = 8.0;
 /// A chart of this number of rows or more is tried at every other row alone.
 const TALL: usize = 16;
 /// Longest runs of a chart for which a row is asked whether it has room for them anywhere.
