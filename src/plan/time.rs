@@ -18,7 +18,7 @@ const BARE: FaceSeconds = FaceSeconds { held: 0.9e-6, removed_first: 1.7e-6, rem
 /// Of faces with texture coordinates.
 const TEXTURED: FaceSeconds = FaceSeconds { held: 1.1e-6, removed_first: 2.0e-6, removed_later: 4.5e-6 };
 /// More seconds of one core for a face that must keep within a bound, in the first pass: the median of eleven runs on seven
-/// meshes on 2026-11-30, 13 to 44 µs with all else.
+/// meshes on 2026-11-30, 18 to 49 µs with all else.
 const BOUND_SECONDS: f64 = 26e-6;
 /// Faces of the pass that remeshes, its two looks at the mesh included, in a second by one core.
 const REMESH_FACES_PER_SECOND: f64 = 120e3;

@@ -8,6 +8,7 @@ use serde_json::Value;
 
 use super::reader::{ContentFault, GlbReader, TileFault, chunks, number};
 use super::texture::{TileTexture, texture_of};
+use crate::geometry::triangle::area;
 use crate::write::glb_format::Z_TO_Y;
 
 /// Share by which a coordinate may be off its place on the lattice.
@@ -52,14 +53,10 @@ impl ReadTile {
         all.windows(2).filter(|pair| pair[0] == pair[1]).count() as u64
     }
 
-    /// Areas of the surface, in the mesh's unit of length.
+    /// Area of the surface, in the mesh's unit of length.
     pub fn area(&self) -> f64 {
         let position = |vertex: u32| DVec3::from(self.places[vertex as usize].map(|at| at as f64));
-        let area = |&[a, b, c]: &[u32; 3]| {
-            let [a, b, c] = [a, b, c].map(position);
-            0.5 * (b - a).cross(c - a).length()
-        };
-        self.surface().iter().map(area).sum::<f64>() * self.step * self.step
+        self.surface().iter().map(|triangle| area(triangle.map(position))).sum::<f64>() * self.step * self.step
     }
 }
 
