@@ -1,13 +1,11 @@
 //! A checksum of what unwrapping and encoding make of a small surface: processes whose processor or mathematics differ
 //! have another one, and would paint other bytes.
 
-use std::path::Path;
-
 use xxhash_rust::xxh3::Xxh3;
 
+use crate::base::Result;
 use crate::base::id::TiVec;
-use crate::base::{Error, Result};
-use crate::image::encode::encode_into;
+use crate::image::encode::encode_in_memory;
 use crate::mesh::id::{FaceId, LocalVertex};
 use crate::model::image_format::ImageFormat;
 use crate::passes::arithmetic::hill;
@@ -37,10 +35,7 @@ pub fn checksum(format: ImageFormat) -> Result<u64> {
     }
     let wave = |at: u32| 127.5 + 127.5 * libm::sin(f64::from(at * at) / 700.0);
     let pixels: Vec<u8> = (0..3 * SIDE * SIDE).map(|at| wave(at) as u8).collect();
-    let mut bytes = Vec::new();
-    let wrap = |error| Error::io(Path::new("a small image"), "encode", error);
-    encode_into(&pixels, [SIDE as usize; 2], format, &mut bytes).map_err(wrap)?;
-    hash.update(&bytes);
+    hash.update(&encode_in_memory(&pixels, [SIDE as usize; 2], format, "a small image")?);
     Ok(hash.digest())
 }
 

@@ -326,15 +326,13 @@ impl CodeReader<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::encode::encode_into;
+    use crate::image::encode::encode_in_memory;
     use crate::model::image_format::ImageFormat;
     use proptest::prelude::*;
 
     fn jpeg([width, height]: [usize; 2]) -> Vec<u8> {
         let pixels: Vec<u8> = (0..3 * width * height).map(|at| (at * at / 50) as u8).collect();
-        let mut file = Vec::new();
-        encode_into(&pixels, [width, height], ImageFormat::Jpeg(85), &mut file).unwrap();
-        file
+        encode_in_memory(&pixels, [width, height], ImageFormat::Jpeg(85), "pixels").unwrap()
     }
 
     #[test]

@@ -124,7 +124,7 @@ fn has_slices(global: &[u8], levels: &[Range<usize>]) -> Option<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::encode::encode_into;
+    use crate::image::encode::encode_in_memory;
     use proptest::prelude::*;
 
     const PIXELS: usize = 3 * 40 * 24;
@@ -134,9 +134,7 @@ mod tests {
     }
 
     fn png() -> Vec<u8> {
-        let mut file = Vec::new();
-        encode_into(&pixels(), [40, 24], crate::model::image_format::ImageFormat::Png, &mut file).unwrap();
-        file
+        encode_in_memory(&pixels(), [40, 24], crate::model::image_format::ImageFormat::Png, "pixels").unwrap()
     }
 
     fn webp() -> Vec<u8> {

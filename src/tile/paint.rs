@@ -1,7 +1,6 @@
 //! Gives the mesh of a tile its texture: unwrapped into one image, painted with the colours of the input.
 
 use std::collections::HashMap;
-use std::path::Path;
 
 use foldhash::fast::FixedState;
 use glam::{DVec2, DVec3, IVec3};
@@ -13,9 +12,9 @@ use super::mesh::TileMesh;
 use super::one_image::{PaintedPatch, paint_in_one};
 use super::skirt::Strip;
 use crate::bake::{Painted, PaintedImage, PatchBaker, PatchSurface};
+use crate::base::Result;
 use crate::base::id::TiVec;
-use crate::base::{Error, Result};
-use crate::image::encode::encode_into;
+use crate::image::encode::encode_in_memory;
 use crate::image::stored::TexelReader;
 use crate::mesh::id::{FaceId, LocalVertex};
 use crate::model::image_format::ImageFormat;
@@ -98,9 +97,7 @@ impl BareTile<'_> {
     }
 
     fn with_image(&self, unwrapped: &Unwrapped, image: PaintedImage, format: ImageFormat) -> Result<PaintedTile> {
-        let mut bytes = Vec::new();
-        let wrap = |error| Error::io(Path::new("an image of a tile"), "encode", error);
-        encode_into(&image.rgb, image.size, format, &mut bytes).map_err(wrap)?;
+        let bytes = encode_in_memory(&image.rgb, image.size, format, "an image of a tile")?;
         let size = DVec2::from(image.size.map(|side| side as f64));
         let mut builder = ContentBuilder::new(self);
         let mut texcoords = Vec::with_capacity(self.mesh.faces.len());

@@ -155,7 +155,7 @@ fn check_accessors(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::encode::encode_into;
+    use crate::image::encode::encode_in_memory;
     use crate::model::image_format::ImageFormat;
     use crate::tile::glb::{TileContent, TileVertex};
     use glam::DVec2;
@@ -179,8 +179,7 @@ mod tests {
 
     /// A tile with an image of 16 x 8 texels, all of which its triangle would show if it were twice as large.
     fn textured(format: ImageFormat) -> Vec<u8> {
-        let mut image = Vec::new();
-        encode_into(&[90; 3 * 16 * 8], [16, 8], format, &mut image).unwrap();
+        let image = encode_in_memory(&[90; 3 * 16 * 8], [16, 8], format, "grey").unwrap();
         let mut content = TileContent { image: Some((image, format)), ..content() };
         content.vertices[1].texcoord = DVec2::X;
         content.vertices[2].texcoord = DVec2::Y;
