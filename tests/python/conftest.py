@@ -88,6 +88,12 @@ def make_town(folder, triangles):
 
 
 @pytest.fixture(scope="session")
+def small_town(tmp_path_factory):
+    """Path of a town of about 5,000 triangles, for encoders that take their time."""
+    return make_town(tmp_path_factory.mktemp("small_town"), 5_000)
+
+
+@pytest.fixture(scope="session")
 def middle_town(tmp_path_factory):
     """Path of a town of about 400,000 triangles."""
     return make_town(tmp_path_factory.mktemp("middle_town"), 400_000)

@@ -32,16 +32,19 @@ def pyramid(drystone, tmp_path_factory, request):
     return folder, json.loads(done.stdout)
 
 
-def shown(folder, page, distance, picture):
+def shown(folder, page, pictures, *distances):
+    """What a viewer selects from each distance, and its pixels."""
     if shutil.which("node") is None or not (MODULES / "cesium").is_dir() or not Path(CHROMIUM).exists():
         pytest.skip("node, the viewers' packages or Chromium are absent (tools/test installs the packages where npm is)")
-    command = ["node", VIEWERS / "view.mjs", folder, MODULES, page, picture, str(distance)]
+    command = ["node", VIEWERS / "view.mjs", folder, MODULES, page, pictures, *map(str, distances)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=180)
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    pixels = [np.asarray(Image.open(pictures / f"{distance}.png").convert("RGB")).astype(int) for distance in distances]
+    return list(zip(map(json.loads, done.stdout.splitlines()), pixels, strict=True))
 
 
 TOWN = [objlib.FIXTURES / "town" / "town.obj", "--tile-faces", "1000", "--tile-side", "512", "--origin", "5.66,51.97,10"]
+SMALL = ["--tile-faces", "500", "--tile-side", "256", "--origin", "5.66,51.97,10", "--quiet"]
 
 
 @pytest.mark.parametrize("pyramid", [TOWN, [BLOCK]], indirect=True, ids=["town", "block"])
@@ -49,12 +52,10 @@ TOWN = [objlib.FIXTURES / "town" / "town.obj", "--tile-faces", "1000", "--tile-s
 def test_a_viewer_selects_finer_tiles_the_nearer_it_is(pyramid, page, tmp_path):
     folder, report = pyramid
     found = {}
-    for name, distance in DISTANCES.items():
-        picture = tmp_path / f"{name}.png"
-        found[name] = shown(folder, page, distance, picture)
-        assert found[name]["errors"] == []
-        pixels = np.asarray(Image.open(picture).convert("RGB")).reshape(-1, 3)
-        surface = pixels[np.abs(pixels.astype(int) - BACKGROUND).sum(1) > 30]
+    for name, (selected, pixels) in zip(DISTANCES, shown(folder, page, tmp_path, *DISTANCES.values()), strict=True):
+        found[name] = selected
+        assert selected["errors"] == []
+        surface = pixels[np.abs(pixels - BACKGROUND).sum(2) > 30]
         least = {"far": 20, "middle": 10_000, "near": 150_000}[name]
         assert len(surface) > least and surface.std() > 10, (name, len(surface))
     root = report["levels"][-1]
@@ -70,18 +71,22 @@ STORED = {"meshopt": (["--compress", "meshopt"], 8, 1e-3), "webp": (["--image", 
 STORED["ktx2"] = (["--image", "ktx2:90"], 48, 0.02)
 
 
-@pytest.mark.parametrize("page", ["three.html", "cesium.html"])
+@pytest.fixture(scope="module", params=["three.html", "cesium.html"])
+def plain(drystone, small_town, tmp_path_factory, request):
+    """A page, and what it shows of tiles that are stored plainly."""
+    folder = tmp_path_factory.mktemp("plain")
+    drystone("tile", small_town, "-o", folder / "tiles", *SMALL, "--compress", "none")
+    return request.param, *shown(folder / "tiles", request.param, folder, 1.2)
+
+
 @pytest.mark.parametrize("stored", STORED)
-def test_a_viewer_shows_the_same_however_tiles_are_stored(drystone, page, stored, tmp_path):
+def test_a_viewer_shows_the_same_however_tiles_are_stored(drystone, plain, stored, small_town, tmp_path):
     options, most, share = STORED[stored]
-    pictures, found = [], []
-    for name, more in [("plain", ["--compress", "none"]), ("other", options)]:
-        made = drystone("tile", *TOWN, "-o", tmp_path / name, *more, "--quiet", codes=(0, 2))
-        if made.code == 2:
-            assert "is built without" in made.stderr and "--features" in made.stderr
-            pytest.skip(made.stderr.splitlines()[0])
-        picture = tmp_path / f"{name}.png"
-        found.append(shown(tmp_path / name, page, 1.2, picture))
-        pictures.append(np.asarray(Image.open(picture).convert("RGB")).astype(int))
-    assert found[0] == found[1] and found[0]["errors"] == []
-    assert (np.abs(pictures[0] - pictures[1]).max(2) > most).mean() < share
+    page, (plain_selection, plain_pixels) = plain
+    made = drystone("tile", small_town, "-o", tmp_path / "tiles", *SMALL, *options, codes=(0, 2))
+    if made.code == 2:
+        assert "is built without" in made.stderr and "--features" in made.stderr
+        pytest.skip(made.stderr.splitlines()[0])
+    [(selection, pixels)] = shown(tmp_path / "tiles", page, tmp_path, 1.2)
+    assert selection == plain_selection and selection["errors"] == [] and selection["tiles"] > 1
+    assert (np.abs(pixels - plain_pixels).max(2) > most).mean() < share

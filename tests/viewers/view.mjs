@@ -1,12 +1,13 @@
-// Shows a tileset in a page of this folder in headless Chromium, and prints what the page selects.
+// Shows a tileset in a page of this folder in headless Chromium, from one or more distances. Prints a line for each,
+// what the page selects there, and writes a picture of each, PICTURES/DISTANCE.png.
 //
-//   node view.mjs TILESET-FOLDER MODULES PAGE PICTURE DISTANCE   ──▶   {"tiles": …, "triangles": …, "errors": […]}
+//   node view.mjs TILESET-FOLDER MODULES PAGE PICTURES DISTANCE...   ──▶   {"tiles": …, "triangles": …, "errors": […]}
 import { createRequire } from "node:module";
 import fs from "node:fs";
 import http from "node:http";
 import path from "node:path";
 
-const [tiles, modules, page, picture, distance] = process.argv.slice(2);
+const [tiles, modules, page, pictures, ...distances] = process.argv.slice(2);
 const { chromium } = createRequire(path.join(modules, "x"))("playwright-core");
 const types = { ".html": "text/html", ".js": "text/javascript", ".json": "application/json", ".css": "text/css",
   ".glb": "model/gltf-binary", ".wasm": "application/wasm" };
@@ -25,19 +26,22 @@ const browser = await chromium.launch({
   args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--no-first-run"],
 });
-const errors = [];
-const view = await browser.newPage({ viewport: { width: 800, height: 600 } });
-view.on("console", message => message.type() === "error" && !message.location().url.endsWith("favicon.ico") && errors.push(message.text()));
-view.on("pageerror", error => errors.push(error.message));
-await view.goto(`http://127.0.0.1:${server.address().port}/page/${page}?distance=${distance}`);
-let shown, calm = 0;
-for (let turn = 0; turn < 240 && calm < 8; turn++) {
-  await view.waitForTimeout(250);
-  const now = await view.evaluate(() => window.shown);
-  const isSame = now?.tiles > 0 && now.busy === 0 && JSON.stringify(now) === JSON.stringify(shown);
-  [shown, calm] = [now, isSame ? calm + 1 : 0];
+for (const distance of distances) {
+  const errors = [];
+  const view = await browser.newPage({ viewport: { width: 800, height: 600 } });
+  view.on("console", message => message.type() === "error" && !message.location().url.endsWith("favicon.ico") && errors.push(message.text()));
+  view.on("pageerror", error => errors.push(error.message));
+  await view.goto(`http://127.0.0.1:${server.address().port}/page/${page}?distance=${distance}`);
+  let shown, calm = 0;
+  for (let turn = 0; turn < 240 && calm < 8; turn++) {
+    await view.waitForTimeout(250);
+    const now = await view.evaluate(() => window.shown);
+    const isSame = now?.tiles > 0 && now.busy === 0 && JSON.stringify(now) === JSON.stringify(shown);
+    [shown, calm] = [now, isSame ? calm + 1 : 0];
+  }
+  await view.screenshot({ path: path.join(pictures, `${distance}.png`) });
+  await view.close();
+  console.log(JSON.stringify({ ...shown, errors }));
 }
-await view.screenshot({ path: picture });
 await browser.close();
 server.close();
-console.log(JSON.stringify({ ...shown, errors }));
