@@ -7,6 +7,7 @@ pub mod bytes;
 pub mod cache;
 pub mod chance;
 pub mod counts;
+pub mod duration;
 pub mod error;
 pub mod findings;
 pub mod id;

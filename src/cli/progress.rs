@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::share::JobShare;
 use crate::base::error::escape_path;
-use crate::base::{Progress, bytes, grouped, lock};
+use crate::base::{Progress, bytes, duration, grouped, lock};
 use crate::os::signals::StopSignal;
 
 /// Time between two plain lines of one phase.
@@ -218,13 +218,9 @@ fn amount(count: u64, unit: &str) -> String {
     }
 }
 
-/// Time as text: `12 s`, `3 min`, `2.5 h`.
+/// Time left as text: `4 s`, `3 min`, `2.5 h`.
 fn time(seconds: f64) -> String {
-    match seconds {
-        s if s < 100.0 => format!("{s:.0} s"),
-        s if s < 6000.0 => format!("{:.0} min", s / 60.0),
-        s => format!("{:.1} h", s / 3600.0),
-    }
+    if seconds < 9.5 { format!("{seconds:.0} s") } else { duration::rough(seconds) }
 }
 
 fn new_bar() -> ProgressBar {

@@ -8,7 +8,8 @@
 
 use crate::options::{Drawing, SimplifyOptions, TextureFiles};
 use crate::plan::memory::{self, Sizes};
-use crate::plan::{passes, time};
+use crate::plan::passes;
+use crate::plan::time::{self, InputSize};
 use crate::read;
 use crate::read::InputChoice;
 
@@ -35,7 +36,7 @@ const COMPARISON_PHASES: f64 = 11.0;
 pub struct JobShare {
     options: SimplifyOptions,
     threads: usize,
-    bytes: u64,
+    input: InputSize,
     comparison: f64,
     /// Predicted seconds: of the scan, of drawing input and result, of partitioning and of simplifying in each pass, of
     /// baking, of copying textures, of writing, of measuring.
@@ -63,16 +64,17 @@ impl JobShare {
     pub fn of(input: &InputChoice, options: &SimplifyOptions, samples: u64) -> Self {
         let files = read::find_inputs(input).unwrap_or_default();
         let bytes = files.iter().filter_map(|path| path.metadata().ok()).map(|meta| meta.len()).sum();
+        let input = InputSize { files: files.len() as u64, bytes };
         let budget = memory::choose_budget(options);
         let threads = budget.map_or(1, |budget| memory::choose_threads(options.limits.threads, budget)).max(1);
-        Self::new(options, bytes, threads, samples)
+        Self::new(options, input, threads, samples)
     }
 
-    fn new(options: &SimplifyOptions, bytes: u64, threads: usize, samples: u64) -> Self {
+    fn new(options: &SimplifyOptions, input: InputSize, threads: usize, samples: u64) -> Self {
         let mut share = Self {
             options: options.clone(),
             threads,
-            bytes,
+            input,
             comparison: samples as f64 * SECONDS_PER_SAMPLE / threads as f64,
             scan: 0.0,
             draw: [0.0; 2],
@@ -89,16 +91,16 @@ impl JobShare {
             compared: 0.0,
             share: 0.0,
         };
-        share.predict(bytes / BYTES_PER_TRIANGLE);
+        share.predict(input.bytes / BYTES_PER_TRIANGLE);
         share
     }
 
     fn predict(&mut self, triangles: u64) {
-        let Self { options, threads, bytes, .. } = &*self;
+        let Self { options, threads, input, .. } = &*self;
         let target = options.most_faces(triangles);
         let sizes = Sizes::of(triangles, triangles / 2, options);
         let found = passes::forecast(&sizes, options.pass_count(triangles));
-        let upto = |count: usize| time::forecast(*bytes, &found[..count], target, *threads);
+        let upto = |count: usize| time::forecast(*input, &found[..count], target, *threads);
         let each = |count: usize| {
             let (before, after) = (upto(count), upto(count + 1));
             [after.partition - before.partition, after.simplify - before.simplify]
@@ -218,7 +220,7 @@ mod tests {
 
     fn city() -> JobShare {
         let options = SimplifyOptions { target: Target::ratio(0.1), ..SimplifyOptions::default() };
-        JobShare::new(&options, 300 << 20, 2, 0)
+        JobShare::new(&options, InputSize { files: 1, bytes: 300 << 20 }, 2, 0)
     }
 
     #[test]
@@ -228,7 +230,7 @@ mod tests {
             notes: ReportNotes { drawing: Drawing::Renderings, ..ReportNotes::default() },
             ..SimplifyOptions::default()
         };
-        let mut share = JobShare::new(&options, 300 << 20, 2, 1_000_000);
+        let mut share = JobShare::new(&options, InputSize { files: 1, bytes: 300 << 20 }, 2, 1_000_000);
         let mut last = 0.0;
         for phase in ["scan", "draw", "textures", "write", "measure", "draw", "partition", "compare"] {
             share.begin(phase, 0);

@@ -15,7 +15,7 @@ use super::answer::CommandAnswer;
 use super::print::{print, print_json};
 use crate::bake::BakeStep;
 use crate::base::error::{escape, escape_path};
-use crate::base::{Result, bytes, counted, grouped, json_path};
+use crate::base::{Result, bytes, counted, duration, grouped, json_path};
 use crate::job::stage::StageStatus;
 use crate::job::{Entry, StepRecord, WorkStatus, look};
 use crate::model::array_file;
@@ -327,7 +327,7 @@ impl JobStatus {
     fn table(&self, path: &Path) -> String {
         let mut text = format!("{}: ", escape_path(path));
         let _ = if self.running {
-            writeln!(text, "running for {} s (process {})", self.seconds_of_process, self.processes)
+            writeln!(text, "running for {} (process {})", duration::whole(self.seconds_of_process), self.processes)
         } else if self.written {
             writeln!(text, "idle; the result is written; run the original command again to finish")
         } else {
@@ -342,7 +342,8 @@ impl JobStatus {
         }
         let input = bytes::display(self.input_bytes);
         let processes = if self.processes == 1 { "process" } else { "processes" };
-        let _ = writeln!(text, "begun      {} s ago, by {} {processes} so far", self.seconds, self.processes);
+        let ago = duration::whole(self.seconds);
+        let _ = writeln!(text, "begun      {ago} ago, by {} {processes} so far", self.processes);
         let _ = match self.triangles {
             Some(triangles) => writeln!(text, "scan       done: {} triangles in {input}", grouped(triangles)),
             None => {
@@ -377,7 +378,8 @@ impl JobStatus {
         }
         if let Some(level) = &self.level {
             let LevelStatus { number, tiles, tiles_done } = level;
-            let _ = writeln!(text, "tiles      level {number}: {tiles_done} of {tiles} written");
+            let _ =
+                writeln!(text, "tiles      level {number}: {} of {} written", grouped(*tiles_done), grouped(*tiles));
         }
         let _ = writeln!(text, "result     {}", if self.written { "written" } else { "not written" });
         if let Some(error) = &self.last_error {

@@ -137,7 +137,8 @@ fn seconds_with_own_disk(run: &PlannedRun<'_>, bandwidth: Option<u64>) -> f64 {
 mod tests {
     use super::*;
     use crate::plan::memory::Sizes;
-    use crate::plan::{passes, time};
+    use crate::plan::passes;
+    use crate::plan::time::{self, InputSize};
 
     fn forecast(machines: u32, bandwidth: Option<u64>) -> MachinesForecast {
         forecast_of(1, machines, bandwidth)
@@ -157,7 +158,7 @@ mod tests {
             metric_face_bytes: 0,
         };
         let passes = passes::forecast(&sizes, 3);
-        let seconds = time::forecast(input_bytes, &passes, target, threads);
+        let seconds = time::forecast(InputSize { files: input_files, bytes: input_bytes }, &passes, target, threads);
         let run = PlannedRun { input_files, input_bytes, target, passes: &passes, seconds, threads };
         MachinesForecast::of(&run, machines, bandwidth)
     }

@@ -15,8 +15,8 @@ use super::bake_forecast::BakeTask;
 use super::machines::PlannedPyramid;
 use super::memory::{self, Sizes};
 use super::time::speed_up;
-use super::{InputFigures, MachinesForecast, ScratchFigures, duration, put_machines, row, scratch};
-use crate::base::{MemoryBudget, Progress, Result, bytes, counted, grouped};
+use super::{InputFigures, MachinesForecast, ScratchFigures, put_machines, row, scratch};
+use crate::base::{MemoryBudget, Progress, Result, bytes, counted, duration, grouped};
 use crate::options::{ImageFormat, TileCompression, TileOptions};
 use crate::os::system;
 use crate::read::{self, InputChoice, TextureSample};
@@ -218,7 +218,7 @@ impl PyramidPlan {
         row(&mut text, "memory", &format!("{} of {allowed} allowed", bytes::display(self.memory)));
         row(&mut text, "scratch", &self.scratch.words("about"));
         let threads = counted(self.threads, "thread");
-        let _ = writeln!(text, "{:10}about {} on {threads} with a core each", "time", duration(self.seconds));
+        let _ = writeln!(text, "{:10}{} on {threads} with a core each", "time", duration::about(self.seconds));
         self.machines.iter().for_each(|machines| put_machines(&mut text, machines));
         text
     }

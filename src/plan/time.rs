@@ -11,6 +11,8 @@ use crate::passes::sample::{Purpose, sample_faces};
 
 /// Bytes of OBJ text scanned in a second by one core.
 const SCAN_BYTES_PER_SECOND: f64 = 300e6;
+/// More seconds of one core for each file, however short: opened, mapped, its materials found, noted in the manifest.
+const SCAN_SECONDS_PER_FILE: f64 = 0.5e-3;
 /// Faces partitioned into clusters in a second by one core.
 const PARTITION_FACES_PER_SECOND: f64 = 3.5e6;
 /// Of faces without texture coordinates.
@@ -32,6 +34,15 @@ const CUT_SECONDS: f64 = 0.05;
 const WRITE_SECONDS: f64 = 0.04;
 /// Useful share of each further thread's time: clusters end at different times, and some steps run in order.
 const THREAD_SHARE: f64 = 0.85;
+
+/// The mesh files of an input.
+#[derive(Debug, Clone, Copy)]
+pub struct InputSize {
+    /// How many there are.
+    pub files: u64,
+    /// Their length together.
+    pub bytes: u64,
+}
 
 /// Seconds of one core for a face of a pass.
 #[derive(Debug, Clone, Copy)]
@@ -108,9 +119,10 @@ fn is_first(passes: &[PassForecast], number: usize) -> bool {
 }
 
 /// Predicts the time of a run on `threads` threads, each with a core of its own.
-pub fn forecast(input_bytes: u64, passes: &[PassForecast], target: u64, threads: usize) -> TimeForecast {
+pub fn forecast(input: InputSize, passes: &[PassForecast], target: u64, threads: usize) -> TimeForecast {
     let speed_up = |items: u64| speed_up(threads, items);
-    let scan = input_bytes as f64 / SCAN_BYTES_PER_SECOND / speed_up(u64::MAX);
+    let scan = input.bytes as f64 / SCAN_BYTES_PER_SECOND + input.files as f64 * SCAN_SECONDS_PER_FILE;
+    let scan = scan / speed_up(u64::MAX);
     let (mut partition, mut simplify) = (0.0, cluster_seconds(passes, threads, 1));
     for (number, pass) in passes.iter().enumerate() {
         let faces = pass.faces_in as f64;
@@ -136,6 +148,8 @@ mod tests {
     use crate::plan::memory::Sizes;
     use crate::plan::passes;
 
+    const SMALL: InputSize = InputSize { files: 1, bytes: 1 };
+
     #[test]
     fn one_cluster_gains_nothing_from_more_threads() {
         let sizes = |faces, target| Sizes {
@@ -150,7 +164,7 @@ mod tests {
         };
         let one = passes::forecast(&sizes(100_000, 10_000), 3);
         let many = passes::forecast(&sizes(4_313_336, 431_334), 3);
-        let simplify = |passes: &[PassForecast], threads| forecast(1, passes, 1, threads).simplify;
+        let simplify = |passes: &[PassForecast], threads| forecast(SMALL, passes, 1, threads).simplify;
         assert_eq!(simplify(&one, 1), simplify(&one, 8));
         assert!(simplify(&many, 2) < 0.6 * simplify(&many, 1));
     }
@@ -166,7 +180,7 @@ mod tests {
             is_bounded: true,
             metric_face_bytes: 0,
         };
-        let seconds = |sizes: &Sizes| forecast(1, &passes::forecast(sizes, 3), sizes.target, 1).total;
+        let seconds = |sizes: &Sizes| forecast(SMALL, &passes::forecast(sizes, 3), sizes.target, 1).total;
         // 13 to 25 s, by the bound.
         let bounded = seconds(&sizes);
         assert!((12.0..25.0).contains(&bounded), "{bounded}");

@@ -3,12 +3,13 @@
 use maud::{Markup, html};
 
 use super::gallery::png_address;
-use super::markup::{self, figure, plot, renderings, row};
-use super::numbers::{length, percent, seconds, spaced};
-use super::run::{FileFigures, MemoryFigures, Report, Status};
+use super::key_figures::key_figures;
+use super::markup::{self, plot, renderings, row};
+use super::numbers::{length, percent, seconds, spaced, spaced_count};
+use super::run::{Report, Status};
 use super::{comparison, plots, summary};
+use crate::base::bytes;
 use crate::base::error::escape_path;
-use crate::base::{bytes, counted};
 use crate::os::timeline::{PhaseSpan, Timeline};
 
 /// The page.
@@ -38,82 +39,12 @@ fn head(report: &Report, title: &str) -> Markup {
             h1 { (title) }
             p.files { @for input in &report.inputs { code { (escape_path(input)) } " " } "→ " code { (escape_path(&report.output)) } }
             @match report.status {
+                _ if report.broken_bound().is_some() => p.badge.bad { "bound broken" },
                 Status::Done => p.badge.good { "target met" },
                 Status::TargetMissed => p.badge.bad { "target missed" },
             }
         }
     }
-}
-
-/// The deviation measured at some thousand points.
-fn measured(report: &Report) -> Markup {
-    match &report.error.measured {
-        Some(found) => {
-            let points = format!("RMS both ways, mesh units, measured at {} points", spaced(found.points));
-            figure("distance, RMS", &length(found.rms), &points)
-        }
-        None => figure("distance", "not measured", "--measure measures it"),
-    }
-}
-
-fn key_figures(report: &Report) -> Markup {
-    let faces = &report.faces;
-    let share = 100.0 * faces.output as f64 / faces.input.max(1) as f64;
-    html! {
-        section.figures {
-            (figure("triangles before", &spaced(faces.input), &files(report.input_files)))
-            (figure("triangles after", &spaced(faces.output), &format!("{} of the input", percent(share))))
-            @match &report.comparison {
-                Some(comparison) => {
-                    (figure("distance, RMS", &length(comparison.geometry.symmetric.rms), "measured both ways, mesh units"))
-                    @if let Some(texture) = &comparison.texture {
-                        (figure("difference of colour", &length(texture.colour_rms), "RMS, of 255"))
-                    }
-                }
-                None => (measured(report)),
-            }
-            (figure("time", &seconds(report.seconds.total), &format!("{} threads", report.threads)))
-            (memory(&report.memory))
-            (figure("mesh before", &bytes::display(report.io.input), "read once"))
-            (figure("mesh after", &bytes::display(report.io.output), "without MTL and textures"))
-            (figure("materials left", &spaced(report.files.materials_left), &lost(report.files.materials, report.files.materials_left)))
-            (figure("textures left", &spaced(report.files.textures_left), &lost(report.files.textures, report.files.textures_left)))
-            (figure("texture images", &bytes::display(report.files.image_bytes), &images(&report.files)))
-        }
-    }
-}
-
-/// The peak as a share of the budget, or the budget.
-fn memory(memory: &MemoryFigures) -> Markup {
-    let budget = bytes::display(memory.budget);
-    match memory.peak_resident {
-        Some(peak) => {
-            let share = percent(100.0 * peak as f64 / memory.budget.max(1) as f64);
-            figure("peak memory", &bytes::display(peak), &format!("{share} of the {budget} allowed"))
-        }
-        None => figure("memory allowed", &budget, "the peak is not measured inside another program"),
-    }
-}
-
-/// Total, and how many of it are on no face of the result.
-fn lost(before: u64, left: u64) -> String {
-    let lost = if left == before { "none lost".into() } else { format!("{} lost", spaced(before - left)) };
-    format!("of {}: {lost}", spaced(before))
-}
-
-/// Texture images beside the result.
-fn images(files: &FileFigures) -> String {
-    let count = format!("copied; {}", counted(files.images, "image"));
-    match files.megapixels {
-        Some([before, after]) if before > 0.0 => {
-            format!("{count}, {} of {} megapixels", length(after), length(before))
-        }
-        _ => count,
-    }
-}
-
-fn files(count: u64) -> String {
-    if count == 1 { "in one file".into() } else { format!("in {} files", spaced(count)) }
 }
 
 /// Why the target was missed.
@@ -122,7 +53,7 @@ fn floor(report: &Report) -> Markup {
     let over = report.faces.output.saturating_sub(report.faces.target);
     html! {
         section.alarm {
-            h2 { "The target was missed by " (spaced(over)) " triangles" }
+            h2 { "The target was missed by " (spaced_count(over, "triangle")) }
             p { "Every edge that is left is locked, or its collapse would damage the mesh or move the surface far. \
                 What stands in the way:" }
             table {
@@ -342,8 +273,7 @@ fn maps(report: &Report) -> Markup {
         div.maps {
             @for (number, pass) in report.passes.iter().enumerate() {
                 @if let Some(map) = &pass.map {
-                    @let clusters = if pass.clusters == 1 { "one cluster" } else { &format!("{} clusters", spaced(pass.clusters)) };
-                    @let caption = format!("pass {}: {clusters}", number + 1);
+                    @let caption = format!("pass {}: {}", number + 1, spaced_count(pass.clusters, "cluster"));
                     figure { img src=(png_address(map)) alt=(caption); figcaption { (caption) } }
                 }
             }

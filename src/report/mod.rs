@@ -17,6 +17,8 @@ pub mod gallery;
 #[cfg(feature = "report")]
 mod html;
 #[cfg(feature = "report")]
+mod key_figures;
+#[cfg(feature = "report")]
 mod markup;
 mod numbers;
 #[cfg(feature = "report")]

@@ -1,12 +1,18 @@
 //! Formats numbers for reports.
 
 #[cfg(feature = "report")]
-use crate::base::grouped;
+use crate::base::{duration, grouped};
 
 /// A number with narrow blanks that do not break.
 #[cfg(feature = "report")]
 pub(super) fn spaced(number: u64) -> String {
     grouped(number).replace(' ', "\u{202f}")
+}
+
+/// A count with its noun, and narrow blanks in the number.
+#[cfg(feature = "report")]
+pub(super) fn spaced_count(number: u64, thing: &str) -> String {
+    format!("{} {thing}{}", spaced(number), if number == 1 { "" } else { "s" })
 }
 
 /// A whole number with a minus sign as wide as a plus.
@@ -27,10 +33,9 @@ pub(super) fn percent(share: f64) -> String {
 #[cfg(feature = "report")]
 pub(super) fn seconds(seconds: f64) -> String {
     match seconds {
-        s if s >= 3600.0 => format!("{:.0}\u{202f}h {:.0}\u{202f}min", (s / 3600.0).floor(), (s % 3600.0) / 60.0),
-        s if s >= 90.0 => format!("{:.0}\u{202f}min {:.0}\u{202f}s", (s / 60.0).floor(), s % 60.0),
-        s if s >= 10.0 => format!("{s:.1}\u{202f}s"),
-        s => format!("{s:.2}\u{202f}s"),
+        s if s < 9.995 => format!("{s:.2}\u{202f}s"),
+        s if s < 89.95 => format!("{s:.1}\u{202f}s"),
+        s => duration::whole(s.round() as u64).replace(' ', "\u{202f}"),
     }
 }
 

@@ -178,6 +178,26 @@ def test_page_says_what_the_json_says(drystone, town_path, browser, tmp_path):
     assert run.report["program"] in text
 
 
+@pytest.mark.parametrize(
+    ("options", "name", "words"),
+    [
+        (["--textures", "bake"], "a.obj", ["new texture", "1 image, of which charts cover", "without MTL and textures"]),
+        (["--textures", "bake"], "b.glb", ["new texture", "with its images"]),
+        (["--textures", "copy"], "c.obj", ["4 images copied, 1.05 of 1.05 megapixels"]),
+        (["--textures", "link"], "d.obj", ["4 images", "linked, 1.05 of 1.05 megapixels"]),
+        (["--textures", "reference"], "e.obj", ["none copied"]),
+        ([], "f.glb", ["with its images", "of 4: none lost"]),
+    ],
+)
+def test_page_says_how_textures_reach_the_result(drystone, town_path, tmp_path, options, name, words):
+    page = tmp_path / "page.html"
+    drystone.simplify(town_path, tmp_path, "--ratio", 0.1, "--threads", 1, "--report", page, *options, name=name)
+    text = re.sub(r"<style>.*?</style>|<[^>]+>", " ", page.read_text(), flags=re.DOTALL).replace("\u202f", " ")
+    for word in [*words, "1 thread "]:
+        assert word in text
+    assert ("copied" in text) == any("copied" in word for word in words)
+
+
 def test_hostile_names_are_text(drystone, town_path, browser, tmp_path):
     folder = tmp_path / "<img src=x onerror=alert(1)>"
     folder.mkdir()
