@@ -18,7 +18,7 @@ const TEXEL: f64 = 0.3;
 /// Unwraps a small hill, and encodes an image; returns a checksum of both.
 ///
 /// # Errors
-/// [`Error::Stopped`]; [`Error::Io`] if the image cannot be encoded.
+/// [`Stopped`](crate::base::Error::Stopped); [`Io`](crate::base::Error::Io) if the image cannot be encoded.
 pub fn checksum(format: ImageFormat) -> Result<u64> {
     let mesh = hill();
     let vertices: TiVec<FaceId, [LocalVertex; 3]> = mesh.face_ids().map(|face| mesh.vertices(face)).collect();
