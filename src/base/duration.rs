@@ -32,6 +32,12 @@ mod tests {
     use super::*;
 
     #[test]
+    fn times_are_told_in_words() {
+        assert_eq!([0.01, 0.42, 12.3, 180.0, 9000.0].map(rough), ["under 0.1 s", "0.4 s", "12 s", "3 min", "2.5 h"]);
+        assert_eq!([0.01, 12.3].map(about), ["under 0.1 s", "about 12 s"]);
+    }
+
+    #[test]
     fn each_unit_begins_where_the_one_before_ends() {
         let cases = [0.04, 0.1, 9.94, 9.96, 119.4, 119.6, 7169.0, 7171.0].map(rough);
         assert_eq!(cases, ["under 0.1 s", "0.1 s", "9.9 s", "10 s", "119 s", "2 min", "119 min", "2.0 h"]);

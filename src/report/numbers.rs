@@ -1,7 +1,7 @@
 //! Formats numbers for reports.
 
 #[cfg(feature = "report")]
-use crate::base::{duration, grouped};
+use crate::base::{counted, duration, grouped};
 
 /// A number with narrow blanks that do not break.
 #[cfg(feature = "report")]
@@ -9,10 +9,10 @@ pub(super) fn spaced(number: u64) -> String {
     grouped(number).replace(' ', "\u{202f}")
 }
 
-/// A count with its noun, and narrow blanks in the number.
+/// A count with its noun, and narrow blanks that do not break.
 #[cfg(feature = "report")]
 pub(super) fn spaced_count(number: u64, thing: &str) -> String {
-    format!("{} {thing}{}", spaced(number), if number == 1 { "" } else { "s" })
+    counted(number, thing).replace(' ', "\u{202f}")
 }
 
 /// A whole number with a minus sign as wide as a plus.
