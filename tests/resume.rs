@@ -10,9 +10,11 @@ use std::process::{Command, Output, Stdio};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use drystone::base::ErrorKind;
-use drystone::base::{Error, Progress, Result, Silent};
-use drystone::options::{JobOptions, Limits, MetricChoice, Pieces, ResumeChoice, SimplifyOptions, Target, Topology};
+use drystone::base::{Error, ErrorKind, Progress, Result, Silent, chance};
+use drystone::options::{
+    ImageFormat, JobOptions, Limits, MetricChoice, Pieces, ResumeChoice, SimplifyOptions, Target, TextureFiles,
+    Topology,
+};
 use drystone::pipeline;
 use drystone::report::Report;
 use meshes::{StopAfter, contents, copy_town, files, in_many_clusters, noise, ratio};
@@ -647,5 +649,39 @@ fn a_full_disk_is_an_error_and_the_job_goes_on_when_there_is_space() {
             job.run_with(&again, &Silent).unwrap();
             assert_eq!(job.result(), expected, "{which} {kib} KiB");
         }
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_disk_that_a_new_image_fills_is_told_as_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    // Three bytes a pixel, however they are packed.
+    let channel = |x: u32, y: u32, channel: u64| (256.0 * chance::of_stream(x.into(), y.into(), channel)) as u8;
+    let noise = |x: u32, y: u32| image::Rgb([0, 1, 2].map(|number| channel(x, y, number)));
+    image::RgbImage::from_fn(1024, 1024, noise).save(path("a.png")).unwrap();
+    fs::write(path("a.mtl"), "newmtl a\nmap_Kd a.png\n").unwrap();
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n";
+    fs::write(path("a.obj"), format!("mtllib a.mtl\nusemtl a\n{square}")).unwrap();
+    for kib in [4600, 5200, 5800] {
+        let Some(disk) = SmallDisk::mount(kib << 10) else {
+            eprintln!("skipped: this user may not mount a small disk");
+            return;
+        };
+        let work = Some(disk.folder.path().join("work"));
+        let options = SimplifyOptions {
+            target: Target::ratio(1.0),
+            textures: TextureFiles::Bake,
+            image: ImageFormat::Png,
+            job: JobOptions { work, ..JobOptions::default() },
+            ..SimplifyOptions::default()
+        };
+        let run = || pipeline::simplify(path("a.obj"), &path(&format!("out-{kib}.obj")), &options, &Silent);
+        let error = run().unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::NoSpace, "{kib} KiB: {error}");
+        assert_eq!(error.to_string().matches("bake-").count(), 1, "{error}");
+        disk.grow(64 << 20);
+        run().unwrap();
     }
 }

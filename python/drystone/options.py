@@ -87,6 +87,8 @@ class TileOptions(TypedDict, total=False):
     """Coordinate reference system of the input, such as "EPSG:32650"."""
     offset: Sequence[float]
     """Added to the coordinates of the input before `crs` is applied."""
+    textures_outside: Literal["refer", "copy"]
+    """What to do with images that an MTL names outside its own folder."""
 
 
 SIMPLIFY_KEYS = frozenset(SimplifyOptions.__annotations__)

@@ -727,6 +727,7 @@ class Level(Record):
     mesh_faces: int
     faces: int
     faces_max: int
+    oversized: int
     texels: int
     texels_max: int
     fill: float

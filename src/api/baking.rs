@@ -13,8 +13,8 @@ use crate::report::BakeFigures;
 /// resumed by the same call.
 ///
 /// The original is an OBJ or PLY file, or a folder; the mesh is one file near its surface. The mesh keeps its triangles
-/// and loses its texture coordinates, colours and materials. Of the options, `texels`, `atlas`, `image`, `limits` and
-/// `job` count. How it is done: `docs/explain/baking.md`.
+/// and loses its texture coordinates, colours and materials. Of the options, `texels`, `atlas`, `image`,
+/// `textures_outside`, `limits` and `job` count. How it is done: `docs/explain/baking.md`.
 ///
 /// ```
 /// use drystone::{Silent, SimplifyOptions, bake_textures};

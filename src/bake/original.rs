@@ -205,18 +205,16 @@ impl Original {
         }
     }
 
-    /// Finds and decodes the images that a surface shows; `catalogue` has its parts and materials.
+    /// Decodes the images that a surface shows, of those that its materials have.
     ///
     /// # Errors
     /// On a full disk, failed reads and writes; an image that cannot be decoded is noted.
     pub fn open(
         surface: OriginalSurface,
-        catalogue: &Catalogue,
+        images: &TextureImages,
         place: &BakePlace<'_>,
         findings: &mut Findings,
     ) -> Result<Self> {
-        let mut images = TextureImages::find(catalogue, findings);
-        images.add_plain_colours(catalogue);
         let BakePlace { work, limits, progress } = *place;
         let surface = surface.surface;
         let mut are_shown: TiVec<ImageId, bool> = vec![false; images.files.len()].into();
@@ -251,6 +249,11 @@ impl Original {
         original.median_texel = original.find_median_texel(progress, findings)?;
         mmap::release_freed_memory();
         Ok(original)
+    }
+
+    /// Pixels of all images that are shown.
+    pub fn image_pixels(&self) -> f64 {
+        self.pixels.iter().sum()
     }
 
     /// What an id stands for.

@@ -15,6 +15,7 @@ use super::settings::{BakePlace, BakeSettings};
 use super::steps::{BakeStep, PATCHES, SURFACE};
 use crate::base::ordered::map_in_order;
 use crate::base::{Error, Findings, Permits, Result, WorkLimits, bytes};
+use crate::image::textures::TextureImages;
 use crate::job::{Recalled, Step, StepKey};
 use crate::lend::{Lendable, LentItem, LentResults, encoded, lend};
 use crate::model::{Catalogue, StoredMesh, StoredPiece};
@@ -94,13 +95,14 @@ impl Recalled for PatchCut {
 /// On a full disk, failed reads and writes, and damaged files.
 pub fn bake(
     surface: OriginalSurface,
+    images: &TextureImages,
     result: &Unbaked<'_>,
     settings: &BakeSettings,
     place: &BakePlace<'_>,
 ) -> Result<Baked> {
     let Unbaked { catalogue, .. } = *result;
     let mut findings = Findings::default();
-    let original = Original::open(surface, catalogue, place, &mut findings)?;
+    let original = Original::open(surface, images, place, &mut findings)?;
     let baking = Baking::new(result, &original, settings, place)?;
     let (mesh, figures, files) = baking.run()?;
     findings.count("colourless_texels", figures.colourless);

@@ -27,13 +27,14 @@ const THREADS: usize = 2;
 pub struct CheckArguments {
     /// OBJ or PLY file, or a folder of tiles
     mesh: PathBuf,
-    /// OBJ or PLY file that the mesh was made from; only faults that it does not have count then
+    /// File or folder that the mesh or the tiles were made from; only faults that it does not have count then
     ///
     /// Without it, degenerate and duplicate faces, non-manifold edges, T-junctions and folded texture triangles count.
     /// With it, zero-area faces, folded edges, inconsistent edges and open borders count, too
     ///
-    /// For tiles: their input, a file or a folder. No tile may lie farther from it than its geometric error says
-    #[arg(long, value_name = "FILE")]
+    /// For tiles: 99 % of each lie no farther from the input than its geometric error divided by the error factor, and
+    /// 99 % of the input no farther from each level
+    #[arg(long, value_name = "PATH")]
     against: Option<PathBuf>,
     /// Print JSON
     #[arg(long)]

@@ -15,7 +15,7 @@ pub const CODES: [(u8, &str); 14] = [
     (2, "usage: an option or the memory budget is not possible, or the output exists"),
     (3, "written, but the target was missed; the message says why"),
     (4, "bad input: the message names the file, and the line if one is at fault"),
-    (5, "the input or the options changed since the work folder was made"),
+    (5, "the input, the options or the program changed since the job began, or --resume require found no job"),
     (6, "another process works in the work folder"),
     (7, "no space left on a disk, or not enough to begin"),
     (8, "a file of the work folder is damaged"),

@@ -103,6 +103,7 @@ impl PlanArguments {
             tile_side: self.tile_side,
             image: self.flags.image().unwrap_or(TileOptions::default().image),
             compress: self.compress,
+            textures_outside: simplify.textures_outside,
             limits: simplify.limits,
             job: simplify.job,
             ..TileOptions::default()

@@ -12,7 +12,7 @@ use super::progress::{stoppable, tell};
 use super::stop::Goodbye;
 use crate::base::{Error, Progress, Result, quantity};
 use crate::job::stage::SharedHands;
-use crate::options::{GeoPlace, ImageFormat, TileCompression, TileOptions, UpAxis};
+use crate::options::{GeoPlace, ImageFormat, TexturesOutside, TileCompression, TileOptions, UpAxis};
 use crate::os::signals::StopSignal;
 use crate::pipeline;
 use crate::report;
@@ -86,6 +86,10 @@ pub struct TileFlags {
     #[arg(value_parser = quantity::parse_three)]
     offset: Option<[f64; 3]>,
 
+    /// What to do with images that an MTL names outside its own folder, also by absolute paths
+    #[arg(long, value_enum, value_name = "HOW", default_value_t = TexturesOutside::Refer)]
+    textures_outside: TexturesOutside,
+
     #[command(flatten)]
     job: JobFlags,
 
@@ -108,6 +112,7 @@ impl TileFlags {
             origin: flags.origin,
             crs: flags.crs,
             offset: flags.offset.unwrap_or_default(),
+            textures_outside: flags.textures_outside,
             limits: flags.job.limits(),
             job: flags.job.options(flags.force),
         }

@@ -111,19 +111,21 @@ pub fn plan(path: &Path, allowed_bytes: u64) -> Result<DecodePlan, String> {
     let file_bytes = path.metadata().map_err(|e| e.to_string())?.len();
     let reader = ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(|e| e.to_string())?;
     let format = reader.format().ok_or("of no known format")?;
-    // A header is small; one that needs more memory than this claims a false size.
-    let mut reader = reader;
-    let mut limits = Limits::default();
-    limits.max_alloc = Some(allowed_bytes);
-    reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(|e| e.to_string())?;
-    let (width, height) = decoder.dimensions();
+    // The decoder of a JPEG keeps the file, also to read its header alone.
+    if format == ImageFormat::Jpeg && file_bytes.saturating_add(DECODER_BYTES) > allowed_bytes {
+        return Err("larger than the memory budget".into());
+    }
+    let header = match jpeg_header(path).filter(|_| format == ImageFormat::Jpeg) {
+        Some(header) => header,
+        None => ImageHeader::of(reader, allowed_bytes)?,
+    };
+    let [width, height] = header.size;
     if width == 0 || height == 0 {
         return Err("without pixels".into());
     }
     let pixels = u64::from(width) * u64::from(height);
-    let raw = if decoder.color_type() == ColorType::Rgb8 { 0 } else { decoder.total_bytes() };
-    let coefficients = if format == ImageFormat::Jpeg && is_progressive(path) { COEFFICIENT_BYTES * pixels } else { 0 };
+    let raw = if header.is_rgb { 0 } else { header.pixel_bytes * pixels };
+    let coefficients = if header.is_progressive { COEFFICIENT_BYTES * pixels } else { 0 };
     // A PNG is decoded while it is read, so the file is not kept.
     let file_bytes = if format == ImageFormat::Png { 0 } else { file_bytes };
     let whole = PIXEL_BYTES * pixels + raw + coefficients + file_bytes + DECODER_BYTES;
@@ -144,27 +146,58 @@ pub fn plan(path: &Path, allowed_bytes: u64) -> Result<DecodePlan, String> {
     Err(format!("{width} x {height} pixels, too many for the memory budget"))
 }
 
-/// Whether a JPEG file is coded in several scans.
-fn is_progressive(path: &Path) -> bool {
-    let marker = || -> Option<u8> {
-        let mut file = BufReader::new(File::open(path).ok()?);
-        let mut two = [0; 2];
+/// What the header of an image file says.
+struct ImageHeader {
+    size: [u32; 2],
+    /// Whether its pixels are red, green and blue, a byte each.
+    is_rgb: bool,
+    /// Bytes of a pixel as the decoder gives it.
+    pixel_bytes: u64,
+    /// Whether it is a JPEG that is coded in several scans.
+    is_progressive: bool,
+}
+
+impl ImageHeader {
+    fn of(mut reader: ImageReader<BufReader<File>>, allowed_bytes: u64) -> Result<Self, String> {
+        // A header is small; one that needs more memory than this claims a false size.
+        let mut limits = Limits::default();
+        limits.max_alloc = Some(allowed_bytes);
+        reader.limits(limits);
+        let decoder = reader.into_decoder().map_err(|e| e.to_string())?;
+        let colour = decoder.color_type();
+        let (is_rgb, pixel_bytes) = (colour == ColorType::Rgb8, u64::from(colour.bytes_per_pixel()));
+        Ok(Self { size: decoder.dimensions().into(), is_rgb, pixel_bytes, is_progressive: false })
+    }
+}
+
+/// The header of a JPEG file, without the rest of the file in memory; `None` if it is not as usual.
+fn jpeg_header(path: &Path) -> Option<ImageHeader> {
+    let mut file = BufReader::new(File::open(path).ok()?);
+    let mut two = [0; 2];
+    file.read_exact(&mut two).ok()?;
+    loop {
         file.read_exact(&mut two).ok()?;
-        loop {
-            file.read_exact(&mut two).ok()?;
-            let marker = two[1];
-            if two[0] != 0xff || matches!(marker, 0xda | 0xd9) {
-                return None;
-            }
-            if matches!(marker, 0xc0..=0xc3 | 0xc5..=0xc7 | 0xc9..=0xcb | 0xcd..=0xcf) {
-                return Some(marker);
-            }
-            file.read_exact(&mut two).ok()?;
-            let length = u16::from_be_bytes(two).checked_sub(2)?;
-            std::io::copy(&mut file.by_ref().take(length.into()), &mut std::io::sink()).ok()?;
+        let marker = two[1];
+        if two[0] != 0xff || matches!(marker, 0xda | 0xd9) {
+            return None;
         }
-    };
-    matches!(marker(), Some(0xc2 | 0xc6 | 0xca | 0xce))
+        file.read_exact(&mut two).ok()?;
+        let length = u16::from_be_bytes(two).checked_sub(2)?;
+        if matches!(marker, 0xc0..=0xc3 | 0xc5..=0xc7 | 0xc9..=0xcb | 0xcd..=0xcf) {
+            // Bits of a sample, height, width, number of channels.
+            let mut frame = [0; 6];
+            file.read_exact(&mut frame).ok()?;
+            let [_, height @ .., channels] = frame;
+            let side = |at: usize| u32::from(u16::from_be_bytes([height[at], height[at + 1]]));
+            return Some(ImageHeader {
+                size: [side(2), side(0)],
+                is_rgb: channels == 3,
+                pixel_bytes: channels.into(),
+                is_progressive: matches!(marker, 0xc2 | 0xc6 | 0xca | 0xce),
+            });
+        }
+        file.seek_relative(length.into()).ok()?;
+    }
 }
 
 /// Decodes an image as planned.
@@ -286,6 +319,23 @@ mod tests {
             }
             assert!(plan(&path, 100 << 10).is_err());
         }
+    }
+
+    #[test]
+    fn the_header_of_a_jpeg_is_read_without_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = checkers(folder.path(), "a.jpg", 320);
+        let plain = plan(&path, 64 << 20).unwrap();
+        assert_eq!(plain.size, [320; 2]);
+        // A hole of the disk follows the image: nothing that the memory could hold.
+        let file = File::options().write(true).open(&path).unwrap();
+        file.set_len(1 << 40).unwrap();
+        assert_eq!(plan(&path, 64 << 20), Err("larger than the memory budget".into()));
+        assert_eq!(jpeg_header(&path).unwrap().size, [320; 2]);
+        let grey = folder.path().join("grey.jpg");
+        image::GrayImage::new(40, 30).save(&grey).unwrap();
+        let grey = plan(&grey, 64 << 20).unwrap();
+        assert_eq!((grey.size, grey.bytes > 4 * 1200 + DECODER_BYTES), ([40, 30], true));
     }
 
     #[test]

@@ -20,9 +20,13 @@ const BUFFER_BYTES: usize = 1 << 16;
 /// # Errors
 /// On a full disk or a failed write.
 pub fn encode(pixels: &[u8], size: [usize; 2], format: ImageFormat, path: &Path) -> Result<()> {
-    let mut file = Sink(DurableFile::create_shared(path, BUFFER_BYTES)?);
-    encode_into(pixels, size, format, &mut file).map_err(|error| Error::io(path, "write", error))?;
-    file.0.commit()?;
+    let mut sink = Sink { file: DurableFile::create_shared(path, BUFFER_BYTES)?, failure: None };
+    let encoded = encode_into(pixels, size, format, &mut sink);
+    if let Some(failure) = sink.failure {
+        return Err(failure);
+    }
+    encoded.map_err(|error| Error::io(path, "write", error))?;
+    sink.file.commit()?;
     Ok(())
 }
 
@@ -94,11 +98,18 @@ fn ktx2(_: &[u8], _: [usize; 2], quality: u8) -> std::io::Result<Vec<u8>> {
 }
 
 /// A durable file that encoders write to.
-struct Sink(DurableFile);
+struct Sink {
+    file: DurableFile,
+    /// Why a write failed: encoders pass on less.
+    failure: Option<Error>,
+}
 
 impl Write for &mut Sink {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.write(bytes).map_err(std::io::Error::other)?;
+        if let Err(failure) = self.file.write(bytes) {
+            self.failure = Some(failure);
+            return Err(std::io::Error::other("a write failed"));
+        }
         Ok(bytes.len())
     }
 

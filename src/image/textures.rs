@@ -19,8 +19,11 @@ use crate::model::Catalogue;
 use crate::model::catalogue::MaterialDefinition;
 use crate::model::diffuse::{ImagePlacement, diffuse_colour, diffuse_image};
 use crate::model::id::{ImageId, MaterialId, PartId};
-use crate::model::texture_file::{self, Reach, base_name};
+use crate::model::texture_file::{TextureReach, Unusable, base_name};
 use crate::os::content::Content;
+
+/// Advice for an image out of reach.
+const UNREAD: &str = "it is not read; --textures-outside copy allows it";
 
 /// An image file.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -58,8 +61,9 @@ impl TextureImages {
         }
     }
 
-    /// Finds the diffuse images (`map_Kd`) of a catalogue's materials; adds a finding for each missing one.
-    pub fn find(catalogue: &Catalogue, findings: &mut Findings) -> Self {
+    /// Finds the diffuse images (`map_Kd`) of a catalogue's materials within reach; notes those that are missing, and
+    /// those that are refused.
+    pub fn find(catalogue: &Catalogue, reach: &TextureReach, findings: &mut Findings) -> Self {
         let mut images = Self::default();
         let mut known: HashMap<PathBuf, ImageId> = HashMap::new();
         let of_material: TiVec<MaterialId, ImageId> = catalogue
@@ -69,11 +73,18 @@ impl TextureImages {
                 let Some((definition, name)) = material.definition.as_ref().and_then(diffuse) else {
                     return ImageId::NONE;
                 };
-                let Some(path) = find_file(definition, name) else {
-                    findings.note("missing_image", || {
-                        format!("{} in {}: no such file", escape(name), escape_path(&definition.folder))
-                    });
-                    return ImageId::NONE;
+                let path = match find_file(definition, name, reach) {
+                    Ok(path) => path,
+                    Err(Unusable::Refused(why)) => {
+                        Unusable::Refused(why).note(&definition.folder, name, UNREAD, findings);
+                        return ImageId::NONE;
+                    }
+                    Err(Unusable::Missing(..) | Unusable::NoFile(_)) => {
+                        findings.note("missing_image", || {
+                            format!("{} in {}: no such file", escape(name), escape_path(&definition.folder))
+                        });
+                        return ImageId::NONE;
+                    }
                 };
                 *known.entry(path.clone()).or_insert_with(|| {
                     images.files.push_and_get_key(TextureImage { path, name: base_name(name).to_vec() })
@@ -188,10 +199,10 @@ fn diffuse(definition: &MaterialDefinition) -> Option<(&MaterialDefinition, &[u8
     diffuse_image(definition).map(|texture| (definition, &texture.name[..]))
 }
 
-/// The file of a texture name, wherever it lies: by the whole path, else by its last part beside the MTL file.
-fn find_file(definition: &MaterialDefinition, name: &[u8]) -> Option<PathBuf> {
-    let find = |name| texture_file::find(&definition.folder, name, Reach::Anywhere).ok();
-    find(name).or_else(|| find(base_name(name)))
+/// The file of a texture name: by the whole path, else by its last part beside the MTL file.
+fn find_file(definition: &MaterialDefinition, name: &[u8], reach: &TextureReach) -> Result<PathBuf, Unusable> {
+    let find = |name| reach.find(&definition.folder, name);
+    find(name).or_else(|why| find(base_name(name)).map_err(|_| why))
 }
 
 #[cfg(test)]

@@ -32,7 +32,7 @@ use crate::base::{Error, Findings, Permits, Progress, Result, bytes, counted, gr
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
 use crate::mesh::doubles::doubles;
 use crate::model::id::{ImageId, PartId};
-use crate::model::texture_file::Unusable;
+use crate::model::texture_file::{TextureReach, Unusable};
 use crate::model::{Catalogue, StoredMesh};
 use crate::os::durable::temporary_folder;
 use crate::partition::{self, ClusterId, Partition, PartitionOptions, TextureScale, cluster, heavy};
@@ -41,7 +41,6 @@ use crate::read::InputChoice;
 use crate::read::{self, Scan};
 use crate::report::warning_lines;
 use crate::topology::{Counter, TopologyCounts, count_cluster};
-use crate::write;
 
 /// Memory of a face of a cluster while it is counted, and of its edges that wait to be matched, in bytes.
 const FACE_BYTES: u64 = 200;
@@ -52,6 +51,8 @@ const CLUSTER_FACES_MIN: u64 = 5_000;
 const CLUSTER_FACES_MAX: u64 = 250_000;
 /// Memory of the buffers of two bucketed files, in bytes.
 const BUFFERS_BYTES: u64 = 24 * MIB;
+/// Advice for a texture outside the folder of its MTL.
+const TAKEN_ON_REQUEST: &str = "`simplify` takes it with --textures-outside copy";
 /// Width of the column of names, in characters.
 const NAME_WIDTH: usize = 20;
 
@@ -178,7 +179,7 @@ fn inspect_in_clusters(
     // With those that the scan and the partition dropped.
     topology.degenerate_faces = findings.get("degenerate_faces");
 
-    let [textures, missing_textures, outside_textures] = textures(&catalogue);
+    let [textures, missing_textures, outside_textures] = textures(&catalogue, &mut findings);
     let welded_vertices = findings.get("welded_vertices");
     Ok(Inspection {
         files: inputs.len() as u64,
@@ -238,19 +239,21 @@ fn polygons(mesh: &StoredMesh, threads: usize) -> Result<(u64, u64)> {
     Ok((all, larger))
 }
 
-/// Numbers of images that MTL files refer to, of those that are missing, and of those outside of the files' folders.
-fn textures(catalogue: &Catalogue) -> [u64; 3] {
+/// Numbers of images that MTL files refer to, of those that are missing, and of those outside of the files' folders; the
+/// latter two are noted.
+fn textures(catalogue: &Catalogue, findings: &mut Findings) -> [u64; 3] {
     let definitions = catalogue.materials.iter().filter_map(|material| material.definition.as_ref());
     let names = definitions.flat_map(|definition| {
         definition.textures.iter().map(move |texture| (definition.folder.as_path(), texture.name.as_slice()))
     });
-    let (names, roots): (BTreeSet<_>, _) = (names.collect(), write::roots(catalogue));
+    let (names, reach): (BTreeSet<_>, _) = (names.collect(), TextureReach::of(catalogue, false));
     let (mut missing, mut outside) = (0, 0);
     for (folder, name) in &names {
-        match write::find_inside(folder, name, &roots) {
-            Ok(_) => {}
-            Err(Unusable::Refused(_)) => outside += 1,
-            Err(Unusable::Missing(..) | Unusable::NoFile(_)) => missing += 1,
+        let Err(why) = reach.find(folder, name) else { continue };
+        why.note(folder, name, TAKEN_ON_REQUEST, findings);
+        match why {
+            Unusable::Refused(_) => outside += 1,
+            Unusable::Missing(..) | Unusable::NoFile(_) => missing += 1,
         }
     }
     [names.len() as u64, missing, outside]
@@ -469,6 +472,8 @@ mod tests {
         assert_eq!((found.textures, found.missing_textures, found.outside_textures), (6, 4, 1));
         let table = found.table();
         assert!(table.contains("textures            6, 4 missing, 1 outside the folder of the MTL\n"), "{table}");
+        assert!(table.contains("\nmissing texture     4\nrefused texture     1\n"), "{table}");
+        assert_eq!(found.warnings.len(), 5, "{:?}", found.warnings);
     }
 
     #[test]

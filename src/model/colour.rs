@@ -1,9 +1,11 @@
 //! Colours of vertices, whose channels go from 0 to 1 or from 0 to 255: a file does not say which, so the largest
-//! channel of a mesh decides.
+//! channel of a mesh decides. Shares may be a little above 1, as rounding and exposure leave them.
 
 use crate::base::Result;
 use crate::file::Segment;
 
+/// Channels from here on are none of shares.
+const BYTES_FROM: f32 = 2.0;
 /// Colours read at once.
 const SWEEP_RECORDS: u64 = 128 << 10;
 
@@ -39,7 +41,7 @@ impl ColourRange {
 
     /// The channel of white.
     pub fn white(self) -> f32 {
-        if self.brightest > 1.0 { 255.0 } else { 1.0 }
+        if self.brightest >= BYTES_FROM { 255.0 } else { 1.0 }
     }
 
     /// A colour, each channel as a byte.
@@ -59,6 +61,8 @@ mod tests {
         let none = [f32::NAN; 3];
         let shares = ColourRange::default().with(&[none, [0.5, 0.0, 1.0]]);
         assert_eq!(shares.bytes([0.5, -1.0, 1.0]), [128, 0, 255]);
+        let exposed = shares.joined(ColourRange::default().with(&[[1.0001, 0.9, 1.9]]));
+        assert_eq!(exposed.bytes([0.5, 1.0001, 1.9]), [128, 255, 255]);
         let bytes = shares.joined(ColourRange::default().with(&[[200.0, 40.0, 30.0], none]));
         assert_eq!(bytes.bytes([200.0, 1.0, 300.0]), [200, 1, 255]);
         assert_eq!(bytes, bytes.joined(shares));

@@ -47,8 +47,8 @@ impl ImagePlacement {
         for (at, option) in words.iter().enumerate() {
             let mut values = words[at + 1..].iter().map_while(|word| word.parse::<f64>().ok());
             let target = match *option {
-                "-s" => &mut placement.scale,
-                "-o" => &mut placement.offset,
+                "-s" | "-S" => &mut placement.scale,
+                "-o" | "-O" => &mut placement.offset,
                 _ => continue,
             };
             target.x = values.next().unwrap_or(target.x);

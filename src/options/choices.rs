@@ -174,9 +174,9 @@ choice! {
 choice! {
     /// How texture images outside of the folder of their MTL reach the output.
     TexturesOutside {
-        /// Leave them; the MTL names their paths
+        /// Leave them: an MTL names their paths; new textures, GLB files and tiles do not show them
         Refer = "refer",
-        /// Copy or link them as the others; for input that you trust
+        /// Copy, link or read them as the others; for input that you trust
         Copy = "copy",
     }
 }

@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{ImageFormat, JobOptions, Limits, SimplifyOptions, Target, TextureFiles, TileCompression, UpAxis};
+use super::{
+    ImageFormat, JobOptions, Limits, SimplifyOptions, Target, TextureFiles, TexturesOutside, TileCompression, UpAxis,
+};
 use crate::base::{Error, Result};
 pub use crate::geo::GeoPlace;
 
@@ -39,6 +41,8 @@ pub struct TileOptions {
     pub crs: Option<String>,
     /// What is added to the coordinates of the input before the system is applied.
     pub offset: [f64; 3],
+    /// What to do with images that an MTL names outside its own folder.
+    pub textures_outside: TexturesOutside,
     /// Memory and threads.
     #[serde(flatten)]
     pub limits: Limits,
@@ -59,6 +63,7 @@ impl Default for TileOptions {
             origin: None,
             crs: None,
             offset: [0.0; 3],
+            textures_outside: TexturesOutside::Refer,
             limits: Limits::default(),
             job: JobOptions::default(),
         }
@@ -103,6 +108,7 @@ impl TileOptions {
             target: Target::ratio(1.0),
             textures: TextureFiles::Bake,
             atlas: self.tile_side,
+            textures_outside: self.textures_outside,
             limits: self.limits,
             job: self.job.clone(),
             ..SimplifyOptions::default()

@@ -31,7 +31,8 @@ use crate::report::BakeFigures;
 /// `output`.
 ///
 /// Of the options, [`texels`](SimplifyOptions::texels), [`atlas`](SimplifyOptions::atlas),
-/// [`image`](SimplifyOptions::image), [`limits`](SimplifyOptions::limits) and [`job`](SimplifyOptions::job) count.
+/// [`image`](SimplifyOptions::image), [`textures_outside`](SimplifyOptions::textures_outside),
+/// [`limits`](SimplifyOptions::limits) and [`job`](SimplifyOptions::job) count.
 ///
 /// # Errors
 /// Those of [`simplify`](super::simplify); [`Error::Usage`] if the mesh is all of the original.

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::damage::report_damage;
 use super::lend_scan::lend_files;
-use super::original::has_original;
+use super::original::{baked_images, has_original};
 use super::preflight::Preflight;
 use super::requirements::Requirements;
 use crate::base::ordered::map_in_order;
@@ -19,6 +19,7 @@ use crate::base::{Error, Findings, Progress, Result, counted};
 use crate::job::{Recalled, Step, WorkFolder, folder_bytes};
 use crate::model::Catalogue;
 use crate::model::id::FileId;
+use crate::model::texture_file::TextureReach;
 use crate::options::{Pieces, TextureFiles};
 use crate::passes::ResumePoint;
 use crate::plan::memory;
@@ -176,29 +177,45 @@ impl Reading<'_> {
         self.job.choice.folders().cloned().collect()
     }
 
-    /// Sources for textures: with their content if they are copied, otherwise with their presence alone.
+    /// Sources for textures: with their content if they are copied, otherwise with their presence alone; and the images
+    /// that new textures are baked from, wherever they were found.
     fn textures(&self, catalogue: &Catalogue) -> Result<Vec<Source>> {
         let brings_outside = self.job.brings_outside();
         let (named, known) = (write::named_textures(catalogue, brings_outside), Contents::default());
-        let mut sources = Vec::with_capacity(named.len());
-        let source_of = |texture: NamedTexture| {
+        let reach = TextureReach::of(catalogue, brings_outside);
+        let baked = if self.job.options.bakes() { baked_images(catalogue, &reach) } else { Vec::new() };
+        let mut sources = Vec::with_capacity(named.len() + baked.len());
+        let source_of = |texture: TextureSource| {
             self.progress.check_stopped()?;
-            let is_read = matches!(self.job.options.textures, TextureFiles::Copy | TextureFiles::Bake);
-            let is_copied = is_read && !texture.stays;
-            if is_copied && brings_outside {
-                Source::anywhere(&texture.path, &known)
-            } else if is_copied {
-                Source::inside(&texture.folder, &texture.path, &known)
-            } else {
-                Source::presence(&texture.path)
+            match texture {
+                TextureSource::Baked(path) => Source::anywhere(&path, &known),
+                TextureSource::Named(texture) => {
+                    let is_copied = self.job.options.textures == TextureFiles::Copy && !texture.stays;
+                    if is_copied && brings_outside {
+                        Source::anywhere(&texture.path, &known)
+                    } else if is_copied {
+                        Source::inside(&texture.folder, &texture.path, &known)
+                    } else {
+                        Source::presence(&texture.path)
+                    }
+                }
             }
         };
-        map_in_order(named.into_iter(), self.scan.threads, 4 * self.scan.threads, source_of, |source| {
+        let all = named.into_iter().map(TextureSource::Named).chain(baked.into_iter().map(TextureSource::Baked));
+        map_in_order(all, self.scan.threads, 4 * self.scan.threads, source_of, |source| {
             sources.push(source);
             Ok(())
         })?;
         Ok(sources)
     }
+}
+
+/// A texture that a result may depend on.
+enum TextureSource {
+    /// A material names it.
+    Named(NamedTexture),
+    /// New textures show it.
+    Baked(PathBuf),
 }
 
 /// The error for an input of which no triangle is left.

@@ -102,7 +102,7 @@ impl<'a> Preflight<'a> {
 
     /// Whether images outside of their MTL's folder come to the result, too, or are read for it.
     pub fn brings_outside(&self) -> bool {
-        self.options.textures_outside == TexturesOutside::Copy || self.options.bakes()
+        self.options.textures_outside == TexturesOutside::Copy
     }
 
     /// Opens the work folder, does the work on the job's threads, and ends the job: what failed can be resumed.

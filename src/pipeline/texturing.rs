@@ -7,6 +7,7 @@ use crate::bake::{self, BakePlace, BakeSettings, BakeSize, OriginalSurface, Unba
 use crate::base::{Error, Findings, Progress, Result, WorkLimits, bytes};
 use crate::image::textures::TextureImages;
 use crate::job::{StepKey, WorkFolder};
+use crate::model::texture_file::TextureReach;
 use crate::model::{Catalogue, StoredMesh};
 use crate::passes::{Passes, ResumePoint};
 use crate::report::BakeFigures;
@@ -30,8 +31,12 @@ pub(super) struct TexturedResult {
 pub(super) struct Kept {
     /// The surface.
     pub surface: OriginalSurface,
+    /// Its images.
+    pub images: TextureImages,
     /// What the passes see of the parts and materials.
     pub geometry: Catalogue,
+    /// Images that are missing or refused.
+    pub findings: Findings,
 }
 
 /// The bake of a job.
@@ -71,11 +76,13 @@ impl<'a> Texturing<'a> {
             );
             return Err(Error::Budget { needed: Some(needed), message });
         }
-        let mut images = TextureImages::find(&input.catalogue, &mut Findings::default());
+        let reach = TextureReach::of(&input.catalogue, job.brings_outside());
+        let mut findings = Findings::default();
+        let mut images = TextureImages::find(&input.catalogue, &reach, &mut findings);
         let geometry = bake::geometry_catalogue(&input.catalogue, &images);
+        images.add_plain_colours(&input.catalogue);
         let surface = match start.unsimplified() {
             Some(mesh) => {
-                images.add_plain_colours(&input.catalogue);
                 let place = BakePlace { work, limits, progress };
                 OriginalSurface::prepare(mesh, &input.catalogue, &images, &place)?
             }
@@ -85,7 +92,7 @@ impl<'a> Texturing<'a> {
             })?,
         };
         start.state.mesh.drop_colours();
-        Ok(Self { job, input, limits, kept: Some(Kept { surface, geometry }) })
+        Ok(Self { job, input, limits, kept: Some(Kept { surface, images, geometry, findings }) })
     }
 
     /// What is needed of the input; `None` if nothing is baked.
@@ -120,7 +127,7 @@ impl<'a> Texturing<'a> {
         work: &WorkFolder,
         progress: &dyn Progress,
     ) -> Result<Option<TexturedResult>> {
-        let Some(Kept { surface, .. }) = self.kept else { return Ok(None) };
+        let Some(Kept { surface, images, mut findings, .. }) = self.kept else { return Ok(None) };
         let options = self.job.options;
         let deviation = deviation.unwrap_or_else(|| USUAL_DEVIATION * surface.diagonal());
         let settings = BakeSettings {
@@ -132,7 +139,8 @@ impl<'a> Texturing<'a> {
         let catalogue = &self.input.catalogue;
         let result = Unbaked { mesh, catalogue, step };
         let place = BakePlace { work, limits: self.limits, progress };
-        let baked = bake::bake(surface, &result, &settings, &place)?;
+        let baked = bake::bake(surface, &images, &result, &settings, &place)?;
+        findings.merge(baked.findings);
         let figures = baked.figures;
         Ok(Some(TexturedResult {
             mesh: baked.mesh,
@@ -149,7 +157,7 @@ impl<'a> Texturing<'a> {
                 let size = BakeSize { texels: figures.texels, images: figures.images, faces: mesh.face_count() };
                 size.expected_bytes(options.atlas, self.limits.threads).min(self.limits.work_bytes)
             },
-            findings: baked.findings,
+            findings,
         }))
     }
 }

@@ -69,11 +69,12 @@ fn run(
     let limits = WorkLimits { threads: job.threads, work_bytes: admission.work_bytes };
     let texturing = Texturing::prepare(job, &input, &mut start, work, &admission, progress)?;
     let pass_options = admission.pass_options(job, texturing.catalogue(), input.triangles, None)?;
-    let Some(Kept { surface, geometry }) = texturing.into_kept() else {
+    let Some(Kept { surface, images, geometry, findings: of_images }) = texturing.into_kept() else {
         return Err(Error::Usage("`textures`: expected `bake`".into()));
     };
     let place = BakePlace { work, limits, progress };
-    let original = Original::open(surface, &input.catalogue, &place, &mut findings)?;
+    findings.merge(of_images);
+    let original = Original::open(surface, &images, &place, &mut findings)?;
 
     let triangles = original.surface.face_count();
     if triangles == 0 {

@@ -16,7 +16,9 @@ use crate::image::decode::{self, DecodePlan};
 use crate::image::textures::TextureImages;
 use crate::model::id::ImageId;
 use crate::model::image_format::ImageFormat;
-use crate::options::SimplifyOptions;
+use crate::model::texture_file::TextureReach;
+use crate::options::{SimplifyOptions, TexturesOutside};
+use crate::partition::cells::expected_count;
 use crate::read::ShownTexture;
 
 /// Share of an image that charts cover.
@@ -43,13 +45,13 @@ pub fn forecast(
     options: &SimplifyOptions,
     findings: &mut Findings,
 ) -> BakeForecast {
-    let input = input_texels(shown, task, findings);
+    let input = input_texels(shown, task, options.textures_outside, findings);
     let shown_texels = input.shown;
     let covered = options.texels * shown_texels;
     let texels = covered / FILL;
     let side = f64::from(options.atlas);
     let patch_faces = bake::patch_faces(covered, task.target, options.atlas);
-    let count = task.target.div_ceil(patch_faces).max((texels / (side * side)).ceil() as u64).max(1);
+    let count = expected_count(task.target, patch_faces, 0).max((texels / (side * side)).ceil() as u64);
     let bytes = texels * if options.image == ImageFormat::Png { PNG_BYTES } else { JPEG_BYTES };
     BakeForecast {
         images: count,
@@ -83,9 +85,15 @@ pub(super) struct InputTexels {
     pub decoding_bytes: u64,
 }
 
-/// Finds the images of the input. Those that are missing are noted.
-pub(super) fn input_texels(shown: &ShownTexture, task: &BakeTask, findings: &mut Findings) -> InputTexels {
-    let images = TextureImages::find(&shown.catalogue, findings);
+/// Finds the images of the input. Those that are missing or refused are noted.
+pub(super) fn input_texels(
+    shown: &ShownTexture,
+    task: &BakeTask,
+    outside: TexturesOutside,
+    findings: &mut Findings,
+) -> InputTexels {
+    let reach = TextureReach::of(&shown.catalogue, outside == TexturesOutside::Copy);
+    let images = TextureImages::find(&shown.catalogue, &reach, findings);
     let plan_of = |image: ImageId| decode::plan(&images.files[image].path, task.work_bytes).ok();
     let plans: TiVec<ImageId, Option<DecodePlan>> = images.files.keys().map(plan_of).collect();
     let known = || plans.iter().flatten();

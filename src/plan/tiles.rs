@@ -111,7 +111,7 @@ pub fn plan_tiles(
     let shown = sample.finish();
     let faces = counts.triangles;
     let task = BakeTask { faces, target: faces, threads, work_bytes: budget.for_work() };
-    let images = bake::input_texels(&shown, &task, &mut findings);
+    let images = bake::input_texels(&shown, &task, options.textures_outside, &mut findings);
     findings.merge(shown.findings);
 
     // Tiles have no image where neither materials nor vertices have colours.

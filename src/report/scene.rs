@@ -24,6 +24,7 @@ use crate::measure::compare::cells::MeasuredMesh;
 use crate::mesh::FaceId;
 use crate::model::catalogue::MaterialDefinition;
 use crate::model::id::{ImageId, PartId};
+use crate::model::texture_file::TextureReach;
 use crate::model::{Catalogue, StoredMesh};
 use crate::partition::{self, ClusterSource, PartitionOptions, TextureScale, cluster, heavy};
 use crate::render::{Paint, Triangle};
@@ -76,7 +77,7 @@ pub struct StoredScene<'a> {
 impl<'a> StoredScene<'a> {
     /// Finds the texture images; intermediate files go to `folder`.
     pub fn new(mesh: &'a StoredMesh, catalogue: &'a Catalogue, folder: &'a Path, findings: &mut Findings) -> Self {
-        let images = TextureImages::find(catalogue, findings);
+        let images = TextureImages::find(catalogue, &TextureReach::Anywhere, findings);
         let paint = |(part, image): (PartId, &ImageId)| match image.some() {
             Some(image) => Paint::Image(image.number()),
             None => Paint::Colour(colour_of(catalogue, part)),

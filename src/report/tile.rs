@@ -53,9 +53,12 @@ impl TileReport {
             let _ = writeln!(text, "on earth at: {longitude:.6}, {latitude:.6}, {height:.1}");
         }
         let _ = writeln!(text, "tiles: {}", sum(|level| level.tiles));
-        match sum(|level| level.reduced) {
-            0 => {}
-            reduced => drop(writeln!(text, "tiles with longer texels, to fit an image: {reduced}")),
+        let exceptions = [
+            ("tiles with longer texels, to fit an image", sum(|level| level.reduced)),
+            ("tiles with more triangles, since they cannot be divided", sum(|level| level.oversized)),
+        ];
+        for (what, count) in exceptions.into_iter().filter(|(_, count)| *count > 0) {
+            let _ = writeln!(text, "{what}: {count}");
         }
         let _ = writeln!(text, "bytes of tiles: {}", sum(|level| level.bytes));
         let _ = writeln!(text, "seconds: {:.1}", self.seconds);

@@ -19,7 +19,7 @@ use crate::image::stored::{Beyond, PixelLine, TexelReader};
 use crate::mesh::forest::DisjointSets;
 use crate::mesh::id::FaceId;
 use crate::model::id::ImageId;
-use crate::unwrap::{FlatChart, GUTTER, TexelRow, Unwrapped, pack, room};
+use crate::unwrap::{FlatChart, GUTTER, PlacedChart, TexelRow, Unwrapped, pack, room};
 
 /// Side of a block of one colour in texels.
 const BLOCK: f64 = 2.0;
@@ -101,6 +101,7 @@ impl CopiedCharts {
         let mut covered = 0;
         for chart in &self.unwrapped.charts {
             let Some(source) = chart.faces.first().and_then(|(face, _)| self.source_of[*face]) else { continue };
+            covered += covered_texels(chart, source);
             for TexelRow { first, own, count } in chart.room.rows() {
                 let row = canvas.set_row(first, count);
                 match source {
@@ -111,12 +112,22 @@ impl CopiedCharts {
                         reader.copy(id, from, line, beyond, row)?;
                     }
                 }
-                covered += count as u64;
             }
         }
         canvas.fill();
         Ok(PaintedImage { rgb: canvas.rgb, size: canvas.size, painted: Painted { covered, colourless: 0 } })
     }
+}
+
+/// Texels that the triangles of a chart cover, about; not more than it takes of the image, if some lie on others.
+fn covered_texels(chart: &PlacedChart, source: ChartSource) -> u64 {
+    if let ChartSource::Plain(_) = source {
+        return (BLOCK * BLOCK) as u64;
+    }
+    let doubled_area = |&(_, [a, b, c]): &(FaceId, [DVec2; 3])| (b - a).perp_dot(c - a).abs();
+    let area = 0.5 * chart.faces.iter().map(doubled_area).sum::<f64>();
+    let taken = chart.room.rows().map(|row| row.count as u64).sum();
+    (area.round() as u64).min(taken)
 }
 
 /// A corner of a face, by its place and its texture coordinate.

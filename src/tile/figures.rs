@@ -56,6 +56,8 @@ pub struct LevelFigures {
     pub faces: u64,
     /// Most triangles of a tile.
     pub faces_max: u64,
+    /// Tiles with more triangles than they should have, since they cannot be divided.
+    pub oversized: u64,
     /// Texels of all images.
     pub texels: u64,
     /// Most texels of an image.
@@ -92,8 +94,8 @@ impl Recalled for TileRecord {
 }
 
 impl LevelFigures {
-    /// The figures with those of the tiles of a level.
-    pub fn of_tiles(self, mesh: &PassMesh, records: &[TileRecord]) -> Self {
+    /// The figures with those of the tiles of a level, which should have at most `limit` triangles each.
+    pub fn of_tiles(self, mesh: &PassMesh, records: &[TileRecord], limit: u64) -> Self {
         let sum = |of: fn(&TileRecord) -> u64| records.iter().map(of).sum::<u64>();
         let most = |of: fn(&TileRecord) -> u64| records.iter().map(of).max().unwrap_or(0);
         Self {
@@ -101,6 +103,7 @@ impl LevelFigures {
             mesh_faces: mesh.faces,
             faces: sum(|tile| tile.faces),
             faces_max: most(|tile| tile.faces),
+            oversized: records.iter().filter(|tile| tile.faces > limit).count() as u64,
             texels: sum(|tile| tile.texels),
             texels_max: most(|tile| tile.texels),
             fill: sum(|tile| tile.covered) as f64 / sum(|tile| tile.texels).max(1) as f64,

@@ -94,7 +94,7 @@ impl TakeParts for NodeCounter {
 }
 
 impl LevelTiles {
-    /// The coarsest nodes that fit a tile, inside of which those of the level below lie; leaves fit in any case. Nodes
+    /// The coarsest nodes that fit a tile, or that cannot be divided, inside of which those of the level below lie. Nodes
     /// may be known to be too large for other reasons.
     pub fn choose(
         counts: &TiVec<TileId, NodeCount>,
@@ -113,11 +113,8 @@ impl LevelTiles {
         let mut tiles = Vec::new();
         let mut pending = vec![ROOT];
         while let Some(node) = pending.pop() {
-            let children = tree.children(node);
-            // A node that the level below has as a tile is not divided, whatever it holds.
-            let ends = below.is_some_and(|below| below.is_tile[node]);
-            match children {
-                Some(children) if !ends && !fits(node) => pending.extend(children),
+            match Self::parts(tree, below, node) {
+                Some(parts) if !fits(node) => pending.extend(parts),
                 _ => {
                     is_tile[node] = true;
                     if counts[node].faces > 0 {
@@ -128,6 +125,11 @@ impl LevelTiles {
         }
         tiles.sort_unstable();
         Self { tiles, is_tile }
+    }
+
+    /// The nodes into which one can be divided; `None` for a leaf, and for a tile of the level below, whatever they hold.
+    pub fn parts(tree: &TileTree, below: Option<&Self>, node: TileId) -> Option<[TileId; 2]> {
+        tree.children(node).filter(|_| below.is_none_or(|below| !below.is_tile[node]))
     }
 
     /// Reports whether a recalled value fits a tree.

@@ -34,6 +34,9 @@ use crate::surface::cells::SurfaceCells;
 /// Bytes of a texel of a finished tile while the next level is baked from its image at half of its size.
 const RAW_TEXEL_BYTES: f64 = 3.0 / 4.0;
 
+/// A surface with more texels than these by the pixels of its images repeats them; rounding and folds leave a few.
+const REPEATED: f64 = 1.1;
+
 /// A pyramid under way.
 pub struct Pyramid<'a> {
     /// The surface of the input, and its images.
@@ -108,7 +111,7 @@ impl Pyramid<'_> {
             let error = errors.iter().copied().fold(coarsest, f64::max);
             let texel = self.scene.texel_of(number);
             let own = LevelFigures { level: number, texel, geometric_error: error, ..LevelFigures::default() };
-            figures.push(own.of_tiles(&level.mesh, &tiles.records));
+            figures.push(own.of_tiles(&level.mesh, &tiles.records, self.settings.faces));
             let listed_tile =
                 |(record, error): (&TileRecord, f64)| ListedTile { node: record.node, bounds: record.bounds, error };
             let files = tiles.records.iter().zip(errors).filter(|(record, _)| !record.is_empty());
@@ -145,12 +148,14 @@ impl Pyramid<'_> {
         let TilePlace { work, progress, .. } = self.place;
         let (true, Some(finest)) = (self.settings.has_colour, levels.first()) else { return Ok(()) };
         let texels = self.triangles(finest, 0).texels(progress)?;
+        let repeats = texels > REPEATED * self.original.image_pixels();
+        let why = if repeats { ", since texture coordinates repeat images," } else { "" };
         match system::free_disk_bytes(work.path()) {
             Ok(free) if texels * RAW_TEXEL_BYTES > free as f64 => Err(Error::NoSpace {
                 path: work.path().to_owned(),
                 message: format!(
-                    "level 0 would have about {:.0} million texels, since texture coordinates repeat images, and {} are \
-                     free; simplify with `textures: bake` and fewer `texels` first, and tile the result",
+                    "level 0 would have about {:.1} million texels{why} and {} are free; simplify with `textures: bake` \
+                     and fewer `texels` first, and tile the result",
                     texels / 1e6,
                     bytes::display(free),
                 ),
@@ -188,7 +193,7 @@ impl Pyramid<'_> {
             let triangles = cut(&source, tree, &tiles, &path, limits, progress)?;
             let widths = vec![None; tiles.tiles.len()];
             let mut record = CutRecord { tiles, triangles, widths, deviations: Vec::new() };
-            let found = self.too_large(&mut record, number, tree)?;
+            let found = self.too_large(&mut record, number, tree, below)?;
             if found.is_empty() {
                 break record;
             }
@@ -211,7 +216,13 @@ impl Pyramid<'_> {
 
     /// Tiles that have too many triangles, are too wide, or whose texels do not fit one image, and that can be divided;
     /// notes the widths of the images of the others.
-    fn too_large(&self, cut: &mut CutRecord, number: u32, tree: &TileTree) -> Result<Vec<TileId>> {
+    fn too_large(
+        &self,
+        cut: &mut CutRecord,
+        number: u32,
+        tree: &TileTree,
+        below: Option<&LevelTiles>,
+    ) -> Result<Vec<TileId>> {
         let TilePlace { limits, progress, .. } = self.place;
         let copies = number == 0 && self.settings.has_colour;
         let CutRecord { tiles, triangles, widths, .. } = cut;
@@ -229,7 +240,7 @@ impl Pyramid<'_> {
             let width = charts.as_ref().ok().and_then(CopiedCharts::width);
             Ok((index, charts.err() != Some(Uncopied::TooMany), width))
         };
-        let can_be_divided = |&index: &usize| tree.children(tiles.tiles[index]).is_some();
+        let can_be_divided = |&index: &usize| LevelTiles::parts(tree, below, tiles.tiles[index]).is_some();
         let all = (0..tiles.tiles.len()).filter(can_be_divided);
         map_in_order(all, limits.threads, limits.threads + 1, fits, |(index, fits, width)| {
             widths[index] = width;

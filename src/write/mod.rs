@@ -62,7 +62,7 @@ use self::numbering::Usage;
 use self::obj::{ObjSink, mtl};
 pub use self::options::{Textures, WriteOptions};
 use self::order::PartOrder;
-pub use self::paths::{NamedTexture, find_inside, named_textures, roots};
+pub use self::paths::{NamedTexture, named_textures};
 use self::ply::PlySink;
 use self::sink::{CornerForm, MeshSink, ResultMesh};
 use self::targets::Targets;

@@ -20,12 +20,12 @@ use std::path::{Path, PathBuf};
 use super::companion::{Companion, CopiedTexture};
 use super::copy::{CopyError, Look, copy, look, open_regular, same_content, symlink};
 use super::options::{Textures, WriteOptions};
-use super::paths::{find_inside, path_between, roots};
+use super::paths::path_between;
 use super::targets::{Sources, Targets};
-use crate::base::error::{escape, escape_path};
+use crate::base::error::escape_path;
 use crate::base::{Error, Findings, Result};
 use crate::model::Catalogue;
-use crate::model::texture_file::{self, Reach, Unusable, base_name, place_of};
+use crate::model::texture_file::{TextureReach, Unusable, base_name, place_of};
 use crate::os::content::Content;
 use crate::os::durable::{give_name, sync_folder, waiting_place};
 use crate::os::path::path_of_bytes;
@@ -50,14 +50,13 @@ enum LeftOut {
 #[derive(Debug)]
 pub(super) struct TextureStage {
     mode: Textures,
-    brings_outside: bool,
+    /// Where textures that are copied may lie.
+    reach: TextureReach,
     force: bool,
     /// Whether files are only checked, before any work is done.
     is_rehearsal: bool,
     job: u64,
     sources: Sources,
-    /// Folders whose contents may be copied, at any depth; all folders if empty.
-    roots: BTreeSet<PathBuf>,
     output_folder: PathBuf,
     folder: PathBuf,
     folder_name: Vec<u8>,
@@ -128,12 +127,11 @@ impl TextureStage {
         let folder_name = folder.file_name().unwrap_or_default().as_encoded_bytes().to_owned();
         Self {
             mode: options.textures,
-            brings_outside: options.brings_outside,
+            reach: TextureReach::of(catalogue, options.brings_outside),
             force: options.force,
             is_rehearsal,
             job: options.job,
             sources: options.sources.clone(),
-            roots: roots(catalogue),
             output_folder: targets.folder.clone(),
             // The folder may be a symbolic link; resolve it to where files really go.
             folder: fs::canonicalize(&folder).unwrap_or(folder),
@@ -165,7 +163,7 @@ impl TextureStage {
         }
         let outcome = match self.mode {
             Textures::Reference => Ok(self.refer(mtl_folder, name)?),
-            Textures::Copy | Textures::Link => match self.find_source(mtl_folder, name) {
+            Textures::Copy | Textures::Link => match self.reach.find(mtl_folder, name) {
                 Ok(source) => self.bring(&source, name)?,
                 Err(unusable) => Err(unusable),
             },
@@ -187,7 +185,7 @@ impl TextureStage {
     /// # Errors
     /// If the file cannot be read.
     pub(super) fn embed(&mut self, mtl_folder: &Path, name: &[u8]) -> Result<Option<(PathBuf, Content)>> {
-        let read = self.find_source(mtl_folder, name).and_then(|path| match self.embedded.get(&path) {
+        let read = self.reach.find(mtl_folder, name).and_then(|path| match self.embedded.get(&path) {
             Some(&content) => Ok((path, content)),
             None => match Content::of(&path) {
                 Ok(content) => Ok((path, content)),
@@ -208,34 +206,20 @@ impl TextureStage {
         }
     }
 
-    /// The file of a texture, if it may be copied.
-    fn find_source(&self, mtl_folder: &Path, name: &[u8]) -> std::result::Result<PathBuf, Unusable> {
-        if self.brings_outside {
-            texture_file::find(mtl_folder, name, Reach::Anywhere)
-        } else {
-            find_inside(mtl_folder, name, &self.roots)
-        }
-    }
-
     /// Notes a texture that is missing or refused, the latter with some advice.
     ///
     /// # Errors
     /// If it only cannot be read at present: a texture is not left out because of a temporary error.
     fn leave_out(&mut self, mtl_folder: &Path, name: &[u8], why: Unusable, advice: &str) -> Result<LeftOut> {
-        let place = |why: &str| format!("{} in {}: {why}", escape(name), escape_path(mtl_folder));
         self.left_out.extend(place_of(mtl_folder, name));
         match why {
             Unusable::Missing(path, error) if is_of_machine(&error) => Err(Error::io(&path, "read", error)),
-            Unusable::Missing(_, error) => {
-                self.findings.note("missing_texture", || place(&error.to_string()));
+            Unusable::Missing(..) | Unusable::NoFile(_) => {
+                why.note(mtl_folder, name, advice, &mut self.findings);
                 Ok(LeftOut::Missing)
             }
-            Unusable::NoFile(why) => {
-                self.findings.note("missing_texture", || place(why));
-                Ok(LeftOut::Missing)
-            }
-            Unusable::Refused(why) => {
-                self.findings.note("refused_texture", || place(&format!("{why}; {advice}")));
+            Unusable::Refused(_) => {
+                why.note(mtl_folder, name, advice, &mut self.findings);
                 Ok(LeftOut::Refused)
             }
         }

@@ -4,7 +4,9 @@ use std::fs;
 use std::path::Path;
 
 use drystone::measure::compare::{CompareOptions, Comparison, Resources, Spread, compare};
-use drystone::options::{ImageFormat, JobOptions, Limits, ResumeChoice, SimplifyOptions, TextureFiles};
+use drystone::options::{
+    ImageFormat, JobOptions, Limits, ResumeChoice, SimplifyOptions, TextureFiles, TexturesOutside, TileOptions,
+};
 use drystone::{Error, ErrorKind, Progress, Silent, pipeline, plan};
 
 use crate::meshes::{Run, StopAfter, contents, copy_town, in_many_clusters, ratio, simplify, status, town};
@@ -165,7 +167,7 @@ fn threads_memory_and_stops_leave_no_trace_in_baked_files() {
 #[test]
 fn plain_materials_images_and_their_options_are_baked() {
     let mtl = "newmtl halves\nmap_Kd halves.png\nnewmtl green\nKd 1 0 0\nmap_Kd green.png\n\
-               newmtl plain\nKd 0.2 0.4 0.6\nnewmtl moved\nmap_Kd -s 0.5 1 1 -o 0.5 0 0 halves.png\n";
+               newmtl plain\nKd 0.2 0.4 0.6\nnewmtl moved\nmap_Kd -S 0.5 1 1 -o 0.5 0 0 halves.png\n";
     let text = row(&["usemtl green", "usemtl plain", "usemtl moved"], &[], WHOLE);
     let expected = [[40.0, 160.0, 60.0], [51.0, 102.0, 153.0], [10.0, 30.0, 200.0]];
     assert_near(&baked_row(mtl, &text, 3), &expected);
@@ -183,6 +185,68 @@ fn an_image_that_repeats_is_read_at_each_place() {
     let either =
         |channel: usize, a: f64, b: f64| found[0][channel] > a.min(b) - 4.0 && found[0][channel] < a.max(b) + 4.0;
     assert!(either(0, 10.0, 220.0) && either(2, 10.0, 200.0), "{found:?}");
+}
+
+/// A square in `in/in.obj` that shows `statement` where that is an image, and grey otherwise.
+fn square_that_names(root: &Path, statement: &str) {
+    fs::create_dir(root.join("in")).unwrap();
+    fs::write(root.join("in/a.mtl"), format!("newmtl a\nKd 0.2 0.2 0.2\nmap_Kd {statement}\n")).unwrap();
+    fs::write(root.join("in/in.obj"), row(&["usemtl a"], &[], WHOLE)).unwrap();
+}
+
+#[test]
+fn images_outside_of_the_folder_are_baked_where_the_user_allows_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().canonicalize().unwrap();
+    let image = image::RgbImage::from_pixel(32, 32, image::Rgb([200, 30, 10]));
+    image.save(root.join("private.png")).unwrap();
+    for (number, name) in ["../private.png", &root.join("private.png").to_string_lossy()].into_iter().enumerate() {
+        let root = root.join(number.to_string());
+        fs::create_dir(&root).unwrap();
+        square_that_names(&root, &if number == 0 { format!("../{name}") } else { name.to_owned() });
+        for textures_outside in [TexturesOutside::Refer, TexturesOutside::Copy] {
+            let is_read = textures_outside == TexturesOutside::Copy;
+            let refused = |warnings: &[String]| warnings.iter().any(|words| words.starts_with("refused texture"));
+            let options = SimplifyOptions { textures_outside, ..baked(ratio(1.0)) };
+            let job = JobOptions { force: true, ..options.job.clone() };
+            let options = SimplifyOptions { job, image: ImageFormat::Png, ..options };
+            let planned = plan::plan(root.join("in/in.obj"), &options, &Silent).unwrap();
+            assert_eq!(refused(&planned.warnings), !is_read);
+            let report = pipeline::simplify(root.join("in/in.obj"), &root.join("out.obj"), &options, &Silent).unwrap();
+            assert_eq!(refused(&report.warnings), !is_read, "{:?}", report.warnings);
+            let shown = if is_read { [200.0, 30.0, 10.0] } else { [51.0; 3] };
+            assert_near(&colours_of_row(&root, 1), &[shown]);
+
+            let options = TileOptions { textures_outside, ..TileOptions::default() };
+            let output = root.join(format!("{textures_outside:?}"));
+            let report = pipeline::tile(root.join("in/in.obj"), &output, &options, &Silent).unwrap();
+            assert_eq!(refused(&report.warnings), !is_read, "{:?}", report.warnings);
+        }
+    }
+}
+
+#[test]
+fn an_image_that_lies_beside_the_mtl_instead_is_a_part_of_the_input() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = folder.path().canonicalize().unwrap();
+    square_that_names(&root, "photos/n.png");
+    let save = |colour: [u8; 3]| {
+        image::RgbImage::from_pixel(32, 32, image::Rgb(colour)).save(root.join("in/n.png")).unwrap();
+    };
+    save([200, 30, 10]);
+    let job = JobOptions { keep_work: true, ..JobOptions::default() };
+    let options = SimplifyOptions { job, image: ImageFormat::Png, ..baked(ratio(1.0)) };
+    let run =
+        |options: &SimplifyOptions| pipeline::simplify(root.join("in/in.obj"), &root.join("out.obj"), options, &Silent);
+    run(&options).unwrap();
+    assert_near(&colours_of_row(&root, 1), &[[200.0, 30.0, 10.0]]);
+    save([20, 30, 250]);
+    let job = JobOptions { force: true, ..options.job.clone() };
+    let options = SimplifyOptions { job, ..options };
+    assert_eq!(run(&options).unwrap_err().kind(), ErrorKind::Changed);
+    let job = JobOptions { resume: ResumeChoice::Never, ..options.job.clone() };
+    run(&SimplifyOptions { job, ..options.clone() }).unwrap();
+    assert_near(&colours_of_row(&root, 1), &[[20.0, 30.0, 250.0]]);
 }
 
 #[test]

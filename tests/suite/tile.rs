@@ -118,6 +118,48 @@ fn levels_of_the_town_meet_along_equal_borders_and_grow_coarser() {
     }
 }
 
+/// A square of `side` × `side` pairs of triangles with these corners.
+fn grid(text: &mut String, first: usize, side: usize, corner: impl Fn(usize, usize) -> DVec3) {
+    for (y, x) in (0..=side).flat_map(|y| (0..=side).map(move |x| (y, x))) {
+        let DVec3 { x, y, z } = corner(x, y);
+        *text += &format!("v {x:.5} {y:.5} {z:.5}\n");
+    }
+    for (y, x) in (0..side).flat_map(|y| (0..side).map(move |x| (y, x))) {
+        let [a, b] = [0, side + 1].map(|row| first + y * (side + 1) + x + row);
+        *text += &format!("f {a} {} {}\nf {a} {} {b}\n", a + 1, b + 1, b + 1);
+    }
+}
+
+#[test]
+fn a_coarser_level_may_have_more_triangles_in_the_tile_of_a_finer_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("in.obj");
+    // What no coarser level can take away, beside a plane that gives it another level.
+    let noise = |at: usize| (drystone::base::chance::of_stream(1, at as u64, 0) - 0.5) * 0.6;
+    let rough = |x: usize, y: usize| {
+        let at = 3 * (25 * y + x);
+        DVec3::new(x as f64 + noise(at), y as f64 + noise(at + 1), 4.0 * (noise(at + 2) / 0.6 + 0.5))
+    };
+    let mut text = String::new();
+    grid(&mut text, 1, 24, rough);
+    grid(&mut text, 1 + 25 * 25, 40, |x, y| DVec3::new(-5.0 + 0.03 * x as f64, 0.03 * y as f64, 0.0));
+    fs::write(&input, text).unwrap();
+    let mut oversized = 0;
+    for tile_faces in (160..200).step_by(2) {
+        let output = folder.path().join(format!("out-{tile_faces}"));
+        let options = TileOptions { tile_faces, tile_side: 4096, ..small() };
+        let report = tile(&input, &output, &options).unwrap();
+        assert!(report.levels.len() > 1);
+        for level in &report.levels {
+            assert_eq!(level.oversized > 0, level.faces_max > tile_faces, "{level:?}");
+            oversized += level.oversized;
+        }
+        let faults = check_tileset(&output, &Silent).unwrap().faults;
+        assert!(faults.is_empty(), "{faults:?}");
+    }
+    assert!(oversized > 0);
+}
+
 #[test]
 fn the_finest_level_shows_the_texels_of_the_input() {
     let folder = tempfile::tempdir().unwrap();
@@ -139,6 +181,9 @@ fn the_finest_level_shows_the_texels_of_the_input() {
     let output = folder.path().join("out");
     let report = tile(&input, &output, &TileOptions { tile_faces: 100, ..small() }).unwrap();
     assert!(report.levels[0].colour_rms < 0.5 && report.levels[0].reduced == 0, "{:?}", report.levels[0]);
+    // All of the image, and no gutter.
+    let covered = report.levels[0].fill * report.levels[0].texels as f64;
+    assert!((covered / f64::from(100 * 60) - 1.0).abs() < 0.02, "{covered}");
     let root = &tiles_of(&output)[0].0["transform"];
     let origin = DVec3::from([12, 13, 14].map(|at| root[at].as_f64().unwrap()));
     let mut texels = 0;

@@ -18,6 +18,7 @@ use super::seams::{SeamEdges, SeamWriter};
 use crate::base::{Findings, Progress, Result};
 use crate::image::textures::TextureImages;
 use crate::job::{InputFile, Manifest, Resume, WorkFolder};
+use crate::model::texture_file::TextureReach;
 use crate::model::{Catalogue, StoredMesh};
 use crate::partition::id::PartitionVertex;
 use crate::partition::{self, ClusterSource, Partition, PartitionOptions, VisitOptions, visit};
@@ -103,7 +104,7 @@ impl MeasuredMesh {
     ) -> Result<Self> {
         let ReadMesh { work, mesh, catalogue, mut findings, mut partition } =
             ReadMesh::make(input, folder, cell_faces, resources, progress)?;
-        let images = TextureImages::find(&catalogue, &mut findings);
+        let images = TextureImages::find(&catalogue, &TextureReach::Anywhere, &mut findings);
         let dropped = std::mem::take(&mut partition.findings);
         let first = usize::from(!partition.numbering.positions.is_empty());
         let reference = partition.numbering.positions.gather(&PartitionVertex::first(first).collect::<Vec<_>>())?;
