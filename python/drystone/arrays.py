@@ -1,6 +1,7 @@
 """Meshes in numpy arrays."""
 
 import numbers
+import os
 import warnings
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple, Unpack
@@ -92,7 +93,8 @@ def simplify_mesh(
     images = [(label, pixels[:, :, :3]) for label, pixels in images]
     with ArrayJob(work) as job:
         source = job.write(form.mesh, images)
-        result = source.replace("input-", "result-")
+        folder, name = os.path.split(source)
+        result = os.path.join(folder, name.replace("input-", "result-", 1))
         given = dict(
             options,
             ratio=ratio,

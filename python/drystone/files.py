@@ -157,7 +157,7 @@ TARGETS = {"ratio", "face_count", "max_error"}
 # These make no difference to a plan: it takes them so that one dict of options serves both calls.
 OF_RUN = {"resume", "keep_work", "no_sync", "task_runner", "hands", "tasks", "task_tries", "force"}
 OF_RESULT = {"report", "measure", "samples", "seed", "strict"}
-OF_TILES = {"tile_faces", "tile_side", "image", "compress"}
+OF_TILES = {"tile_faces", "tile_side", "image", "compress", "textures_outside"}
 
 
 @overload
@@ -200,6 +200,7 @@ def plan(
     tile_side: int | None = None,
     image: str | None = None,
     compress: Literal["meshopt", "none"] | None = None,
+    textures_outside: Literal["refer", "copy"] | None = None,
     exclude: str | Sequence[str] = (),
     memory: Size | None = None,
     threads: int | None = None,

@@ -127,8 +127,11 @@ def flags(options: Mapping[str, Any]) -> Iterator[str]:
 
 
 def paths(value: PathLike | Sequence[PathLike]) -> list[str]:
-    """One path or several as text, absolute: a job goes on where it began if the current folder changes."""
-    return [os.path.abspath(path) for path in texts(value)]
+    """One path or several as text, absolute: a job goes on where it began if the current folder changes.
+
+    `..` stays: after a link, it leads elsewhere than the text says.
+    """
+    return [os.path.join(os.getcwd(), path) for path in texts(value)]
 
 
 def texts(value: PathLike | Sequence[PathLike]) -> list[str]:

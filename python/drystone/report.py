@@ -531,7 +531,7 @@ class PlannedMemory(Record):
     scan: int
     partition: int
     simplify: int
-    bake: int
+    bake: int | None
     write: int
     peak: int
 

@@ -451,6 +451,14 @@ def test_files_of_others_in_the_work_folder_stay(tmp_path):
     assert list((tmp_path / "empty").iterdir()) == []
 
 
+def test_a_work_folder_may_have_any_name(tmp_path):
+    work = tmp_path / "input-meshes" / "input-0"
+    work.mkdir(parents=True)
+    vertices, faces = grid(12)
+    drystone.simplify_mesh(vertices, faces, ratio=0.3, work=work)
+    assert list(work.iterdir()) == [] and [path.name for path in tmp_path.iterdir()] == ["input-meshes"]
+
+
 def test_half_written_files_of_dead_processes_of_this_machine_go(tmp_path):
     (host,) = {name.split(".")[1] for name in half_written(tmp_path)}
     with subprocess.Popen([sys.executable, "-c", ""]) as process:

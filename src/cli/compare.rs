@@ -139,7 +139,7 @@ pub fn answer(arguments: &CompareArguments, progress: &dyn Progress) -> Result<C
 fn compare(arguments: &CompareArguments, progress: &dyn Progress) -> Result<Comparison> {
     let CompareArguments { original, result, report: reports, sampling, memory, threads, work, .. } = arguments;
     let sampling = &SamplingArguments { at_vertices: arguments.vertices, texel: arguments.texel, ..*sampling };
-    let kinds = reports.iter().map(|path| ReportKind::of(path)).collect::<Result<Vec<_>>>()?;
+    let kinds = ReportKind::prepare(reports)?;
     let work = work.clone().unwrap_or_else(|| temporary_folder("compare"));
     let limits = Limits { memory: *memory, threads: *threads };
     let mut page = ComparisonPage::default();

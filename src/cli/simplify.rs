@@ -15,12 +15,10 @@ use super::progress::{of_job, stoppable, tell};
 use super::share::JobShare;
 use super::stop::{Goodbye, command_line};
 use super::words::with_flags;
-use crate::base::error::escape_path;
 use crate::base::{Error, Progress, Result};
 use crate::job::stage::SharedHands;
 use crate::measure::compare::Comparison;
 use crate::options::{Drawing, ReportNotes, SimplifyOptions};
-use crate::os::durable::make_folders;
 use crate::os::signals::StopSignal;
 use crate::pipeline;
 use crate::read::InputChoice;
@@ -186,11 +184,7 @@ impl SimplifyArguments {
     /// The options, once the reports can be written.
     fn options(&self) -> Result<SimplifyOptions> {
         self.sampling.check()?;
-        let kinds = self.report.iter().map(|path| report::ReportKind::of(path)).collect::<Result<Vec<_>>>()?;
-        self.report.iter().filter_map(|path| path.parent()).try_for_each(make_folders)?;
-        if let Some(path) = self.report.iter().find(|path| path.is_dir()) {
-            return Err(Error::Usage(format!("`report: {}`: is a folder", escape_path(path))));
-        }
+        let kinds = report::ReportKind::prepare(&self.report)?;
         if self.measure && ResultFormat::by_ending(&self.output) == Some(ResultFormat::Glb) {
             let words = "`measure` reads the result, and a GLB is not read: write an OBJ or a PLY to measure";
             return Err(Error::Usage(words.into()));

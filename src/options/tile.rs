@@ -118,6 +118,8 @@ impl TileOptions {
     /// The options that shape the result, as JSON; memory, threads and folders do not.
     pub fn fingerprint(&self) -> String {
         let shaping = Self { limits: Limits::default(), job: JobOptions::default(), ..self.clone() };
-        format!("tile {}", serde_json::to_string(&shaping).unwrap_or_default())
+        let mut fields = serde_json::to_value(&shaping).unwrap_or_default();
+        fields["command"] = "tile".into();
+        fields.to_string()
     }
 }

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::damage::report_damage;
 use super::lend_scan::lend_files;
 use super::original::{baked_images, has_original};
+use super::paths::OutputKind;
 use super::preflight::Preflight;
 use super::requirements::Requirements;
 use crate::base::ordered::map_in_order;
@@ -220,11 +221,14 @@ enum TextureSource {
 
 /// The error for an input of which no triangle is left.
 pub(super) fn nothing_left(job: &Preflight<'_>, input: &Input) -> Error {
-    let why = match job.options.pieces {
-        Pieces::Keep => {
+    let why = match (job.kind, job.options.pieces) {
+        (OutputKind::Folder, _) => "every triangle repeats a vertex once those at the same place are one",
+        (_, Pieces::Keep) => {
             "every triangle repeats a vertex once those at the same place are one; `weld: off` keeps them apart"
         }
-        Pieces::Drop => "every triangle belongs to a small piece or repeats a vertex; `pieces: keep` keeps the pieces",
+        (_, Pieces::Drop) => {
+            "every triangle belongs to a small piece or repeats a vertex; `pieces: keep` keeps the pieces"
+        }
     };
     Error::input(job.choice.name(), 0, format!("of {} none is left: {why}", counted(input.triangles, "triangle")))
 }

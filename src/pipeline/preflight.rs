@@ -30,6 +30,8 @@ pub(super) struct Preflight<'a> {
     pub idle: Findings,
     /// The result.
     pub output: &'a Path,
+    /// What it is.
+    pub kind: OutputKind,
     /// The work folder.
     pub work_path: PathBuf,
     /// Memory that the job may take.
@@ -90,6 +92,7 @@ impl<'a> Preflight<'a> {
             inputs,
             idle,
             output,
+            kind,
             work_path,
             budget,
             threads,

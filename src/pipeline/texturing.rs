@@ -2,6 +2,7 @@
 
 use super::admission::Admission;
 use super::input::Input;
+use super::paths::OutputKind;
 use super::preflight::Preflight;
 use crate::bake::{self, BakePlace, BakeSettings, BakeSize, OriginalSurface, Unbaked};
 use crate::base::{Error, Findings, Progress, Result, WorkLimits, bytes};
@@ -69,8 +70,9 @@ impl<'a> Texturing<'a> {
         let needed = bake::image_bytes(side);
         if needed > limits.work_bytes {
             let needed = job.budget.bytes + needed - limits.work_bytes;
+            let option = if job.kind == OutputKind::Folder { "tile_side" } else { "atlas" };
             let message = format!(
-                "`memory: {}` cannot hold an image of {side} x {side} texels; give `memory: {}` or a smaller `atlas`",
+                "`memory: {}` cannot hold an image of {side} x {side} texels; give `memory: {}` or a smaller `{option}`",
                 bytes::display(job.budget.bytes),
                 bytes::display(needed),
             );

@@ -61,8 +61,6 @@ fn run(
     refuse_filled_folder(job.output, was_writing(work, job.output)? || options.job.force)?;
     let (input, mut start) = input::read(job, work, progress)?;
     make_folders(job.output)?;
-    remember(work, job.output)?;
-    forget_tileset(job.output)?;
     let mut findings = input.findings.clone();
     findings.merge(job.idle.clone());
     let admission = Admission::admit(job, &input, &start, work)?;
@@ -107,6 +105,9 @@ fn run(
     let levels = chain.levels(start, &pass_options);
     report_damage(work, progress);
     let levels = levels?;
+    // An older pyramid stays whole until the first tile of the new one can be written.
+    remember(work, job.output)?;
+    forget_tileset(job.output)?;
     let transform = transform(options, on_earth, scene.origin);
     let is_moved = options.crs.is_some();
     let pyramid = Pyramid { original: &original, scene: &scene, settings: &settings, transform, is_moved, place };

@@ -73,10 +73,8 @@ pub fn find_inputs_and_idle(choice: &InputChoice) -> Result<(Vec<PathBuf>, Findi
         add_inputs(path, &left_out, &mut found)?;
     }
     found.sort_unstable_by(|a, b| a.as_os_str().as_encoded_bytes().cmp(b.as_os_str().as_encoded_bytes()));
-    if choice.paths.len() > 1 {
-        let mut seen = HashSet::new();
-        found.retain(|path| seen.insert(fs::canonicalize(path).unwrap_or_else(|_| path.clone())));
-    }
+    let mut seen = HashSet::new();
+    found.retain(|path| seen.insert(fs::canonicalize(path).unwrap_or_else(|_| path.clone())));
     let mut findings = Findings::default();
     for (text, _) in choice.exclude.iter().zip(&left_out).filter(|(_, exclusion)| !exclusion.has_matched.get()) {
         findings.note("unused_exclude", || format!("--exclude '{}' leaves nothing out", escape(text.as_bytes())));
@@ -240,6 +238,15 @@ mod tests {
         fs::write(folder.path().join("tiles/a.obj"), "").unwrap();
         std::os::unix::fs::symlink(folder.path(), folder.path().join("tiles/up")).unwrap();
         assert_eq!(find_inputs(&folder.path().into()).unwrap().len(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_beside_a_link_to_it_is_read_once() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("b.obj"), "").unwrap();
+        std::os::unix::fs::symlink(folder.path().join("b.obj"), folder.path().join("a.obj")).unwrap();
+        assert_eq!(find_inputs(&folder.path().into()).unwrap(), [folder.path().join("a.obj")]);
     }
 
     #[cfg(unix)]

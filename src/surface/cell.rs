@@ -18,6 +18,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::base::Result;
+use crate::base::id::{TiSlice, TiVec};
 use crate::file::{RecordFile, Segment};
 use crate::geometry::boxtree::Bounds;
 use crate::geometry::tilted::TiltedBox;
@@ -229,12 +230,22 @@ impl CellMaker<'_> {
     /// Makes a cell; `colours` are those of the vertices, or empty.
     pub fn draft(&self, source: &ClusterSource, colours: Vec<[u8; 4]>) -> CellDraft {
         let mesh = &source.mesh;
+        // Triangles that were left out have left their vertices.
+        let mut is_used: TiVec<LocalVertex, bool> = vec![false; mesh.positions.len()].into();
+        mesh.face_ids().flat_map(|face| mesh.vertices(face)).for_each(|vertex| is_used[vertex] = true);
+        let mut count = 0;
+        let number = |&is_used: &bool| {
+            count += u32::from(is_used);
+            count.saturating_sub(1)
+        };
+        let numbers: TiVec<LocalVertex, u32> = is_used.iter().map(number).collect();
         let face = |face: FaceId| {
             let (image, texcoords) = self.texture(source, face);
-            CellFace { vertices: mesh.vertices(face).map(LocalVertex::number), image, texcoords }
+            CellFace { vertices: mesh.vertices(face).map(|vertex| numbers[vertex]), image, texcoords }
         };
         let faces: Vec<CellFace> = mesh.face_ids().map(face).collect();
-        CellDraft::new(source.origin, mesh.positions.raw.clone(), &faces, colours)
+        let positions = used(&is_used, &mesh.positions.raw);
+        CellDraft::new(source.origin, positions, &faces, used(&is_used, &colours))
     }
 
     /// Texture image and texture coordinates of a face; its part's plain colour if it has no texture coordinates.
@@ -248,6 +259,11 @@ impl CellMaker<'_> {
         }
         (image, [a, b, c].map(|uv| (uv - low).as_vec2().to_array()))
     }
+}
+
+/// The values of vertices that triangles use; none if there are none.
+fn used<T: Copy>(is_used: &TiSlice<LocalVertex, bool>, values: &[T]) -> Vec<T> {
+    values.iter().zip(is_used).filter(|(_, is_used)| **is_used).map(|(value, _)| *value).collect()
 }
 
 /// Writes cells one after the other.

@@ -131,3 +131,18 @@ fn impossible_options_are_refused() {
         assert_eq!(done.status.code(), Some(2), "{options:?}");
     }
 }
+
+#[test]
+fn a_polygon_that_is_left_out_is_no_part_of_the_surface() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n";
+    std::fs::write(path("square.obj"), square).unwrap();
+    for polygon in ["5 6 5 5", "5 6 5", "5 5 6 6 5"] {
+        std::fs::write(path("more.obj"), format!("{square}v 50 0 0\nv 50.001 0 0\nf {polygon}\n")).unwrap();
+        for [original, result] in [["square.obj", "more.obj"], ["more.obj", "square.obj"]] {
+            let found = crate::bake::compared(&path(original), &path(result));
+            assert!(found.geometry.symmetric.max < 1e-9, "{polygon}: {:?}", found.geometry);
+        }
+    }
+}

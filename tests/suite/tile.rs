@@ -12,7 +12,7 @@ use drystone::options::{ImageFormat, JobOptions, Limits, ResumeChoice, SimplifyO
 use drystone::read::InputChoice;
 use drystone::report::TileReport;
 use drystone::tile::check_tileset;
-use drystone::{Error, Result, Silent, pipeline};
+use drystone::{Error, ErrorKind, Result, Silent, pipeline};
 use glam::{DVec2, DVec3};
 use serde_json::Value;
 
@@ -416,7 +416,7 @@ fn a_job_with_another_compression_is_another_job() {
         TileCompression::Meshopt => TileCompression::None,
     };
     let error = tile(&town(), &output, &TileOptions { compress: other, ..small() }).unwrap_err();
-    assert!(matches!(error, Error::Changed(_)), "{error}");
+    assert!(matches!(error, Error::Changed(_)) && error.to_string().contains("`compress` was "), "{error}");
 }
 
 #[test]
@@ -454,6 +454,12 @@ fn nothing_of_the_user_is_touched() {
     tile(&input, &folder.path().join("mine"), &forced).unwrap();
     assert_eq!(fs::read(folder.path().join("mine/notes.txt")).unwrap(), b"mine");
     assert!(before == contents(&folder.path().join("in")));
+    // A job that is refused leaves an older pyramid as it is.
+    let older = contents(&folder.path().join("mine"));
+    fs::write(folder.path().join("flat.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 1\nf 3 3 2\n").unwrap();
+    let error = tile(&folder.path().join("flat.obj"), &folder.path().join("mine"), &forced).unwrap_err();
+    assert!(error.kind() == ErrorKind::Input && !error.to_string().contains("weld"), "{error}");
+    assert!(older == contents(&folder.path().join("mine")));
     let required =
         TileOptions { job: JobOptions { resume: ResumeChoice::Require, ..JobOptions::default() }, ..small() };
     assert!(tile(&input, &folder.path().join("none"), &required).is_err());

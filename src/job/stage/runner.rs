@@ -1,5 +1,6 @@
 //! A command of the user that has the tasks of a stage done, by an engine for numbered commands.
 
+use std::ffi::{OsStr, OsString};
 use std::io;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -42,9 +43,15 @@ impl TaskRunner {
         let path = std::path::absolute(stage.path()).unwrap_or_else(|_| stage.path());
         let command = self.command.replace("{count}", &count.to_string());
         let command = command.replace("{last}", &count.saturating_sub(1).to_string());
-        let command = command.replace("{stage}", &quoted(&path.to_string_lossy()));
+        let mut words = OsString::new();
+        for (number, part) in command.split("{stage}").enumerate() {
+            if number > 0 {
+                words.push(quoted(path.as_os_str()));
+            }
+            words.push(part);
+        }
         // What the command says is not the output of the job.
-        let mut shell = shell(&command);
+        let mut shell = shell(&words);
         shell.stdin(Stdio::null()).stdout(Stdio::from(io::stderr()));
         shell.spawn().map_err(|e| Error::io(Path::new("task_runner"), "start", e))
     }
@@ -107,7 +114,7 @@ fn interrupt(child: &mut Child, at_once: bool) {
 }
 
 #[cfg(unix)]
-fn shell(command: &str) -> Command {
+fn shell(command: &OsStr) -> Command {
     use std::os::unix::process::CommandExt;
     let mut shell = Command::new("sh");
     shell.arg("-c").arg(command).process_group(0);
@@ -115,13 +122,47 @@ fn shell(command: &str) -> Command {
 }
 
 #[cfg(not(unix))]
-fn shell(command: &str) -> Command {
+fn shell(command: &OsStr) -> Command {
     let mut shell = Command::new("cmd");
     shell.arg("/C").arg(command);
     shell
 }
 
 /// A path as one word of the shell.
-fn quoted(path: &str) -> String {
-    if cfg!(unix) { format!("'{}'", path.replace('\'', "'\\''")) } else { format!("\"{path}\"") }
+#[cfg(unix)]
+fn quoted(path: &OsStr) -> OsString {
+    use std::os::unix::ffi::{OsStrExt, OsStringExt};
+    let mut word = vec![b'\''];
+    for &byte in path.as_bytes() {
+        match byte {
+            b'\'' => word.extend(br"'\''"),
+            byte => word.push(byte),
+        }
+    }
+    word.push(b'\'');
+    OsString::from_vec(word)
+}
+
+/// A path as one word of the shell.
+#[cfg(not(unix))]
+fn quoted(path: &OsStr) -> OsString {
+    let mut word = OsString::from("\"");
+    word.push(path);
+    word.push("\"");
+    word
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_path_is_one_word_of_the_shell() {
+        use std::os::unix::ffi::OsStrExt;
+        for path in [&b"/work/city"[..], b"it's", b"b\xff\xfe /$x\n`y`", b"''"] {
+            let mut command = OsString::from("printf %s ");
+            command.push(quoted(OsStr::from_bytes(path)));
+            assert_eq!(shell(&command).output().unwrap().stdout, path);
+        }
+    }
 }
