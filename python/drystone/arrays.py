@@ -93,8 +93,7 @@ def simplify_mesh(
     images = [(label, pixels[:, :, :3]) for label, pixels in images]
     with ArrayJob(work) as job:
         source = job.write(form.mesh, images)
-        folder, name = os.path.split(source)
-        result = os.path.join(folder, name.replace("input-", "result-", 1))
+        result = job.path(os.path.basename(source).replace("input-", "result-", 1))
         given = dict(
             options,
             ratio=ratio,

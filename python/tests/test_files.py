@@ -141,6 +141,18 @@ def test_paths_of_every_kind(tmp_path):
     assert drystone.inspect(text) == drystone.inspect(Path(text)) == drystone.inspect(text.encode())
 
 
+def test_a_path_through_a_link_leads_where_the_system_says(tmp_path):
+    (tmp_path / "deep" / "folder").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "deep" / "folder")
+    (tmp_path / "deep" / "a.obj").write_bytes((MINIATURES / "closed_sphere.obj").read_bytes())
+    assert drystone.inspect(tmp_path / "link" / ".." / "a.obj").files == 1
+
+
+def test_a_plan_of_tiles_takes_what_their_images_take(tmp_path):
+    for where in ("refer", "copy"):
+        assert drystone.plan(MINIATURES / "closed_sphere.obj", tile=True, textures_outside=where).levels
+
+
 def test_a_name_that_looks_like_an_option_is_a_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("--ratio=0.5.obj").write_bytes((MINIATURES / "closed_sphere.obj").read_bytes())

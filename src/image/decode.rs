@@ -115,7 +115,8 @@ pub fn plan(path: &Path, allowed_bytes: u64) -> Result<DecodePlan, String> {
     if format == ImageFormat::Jpeg && file_bytes.saturating_add(DECODER_BYTES) > allowed_bytes {
         return Err("larger than the memory budget".into());
     }
-    let header = match jpeg_header(path).filter(|_| format == ImageFormat::Jpeg) {
+    let of_jpeg = if format == ImageFormat::Jpeg { jpeg_header(path) } else { None };
+    let header = match of_jpeg {
         Some(header) => header,
         None => ImageHeader::of(reader, allowed_bytes)?,
     };

@@ -75,8 +75,8 @@ impl TextureImages {
                 };
                 let path = match find_file(definition, name, reach) {
                     Ok(path) => path,
-                    Err(Unusable::Refused(why)) => {
-                        Unusable::Refused(why).note(&definition.folder, name, UNREAD, findings);
+                    Err(why @ Unusable::Refused(_)) => {
+                        why.note(&definition.folder, name, UNREAD, findings);
                         return ImageId::NONE;
                     }
                     Err(Unusable::Missing(..) | Unusable::NoFile(_)) => {

@@ -37,5 +37,6 @@ fn megapixels(paths: impl Iterator<Item = impl AsRef<Path>>) -> f64 {
     #[cfg(not(feature = "images"))]
     let size = |_: &Path| None::<(u32, u32)>;
     let sizes = paths.filter_map(|path| size(path.as_ref()));
+    // The `sum` of no numbers is -0.
     sizes.map(|(width, height)| f64::from(width) * f64::from(height)).fold(0.0, |sum, pixels| sum + pixels) / 1e6
 }

@@ -20,7 +20,6 @@ use crate::base::{Error, Findings, Progress, Result, counted};
 use crate::job::{Recalled, Step, WorkFolder, folder_bytes};
 use crate::model::Catalogue;
 use crate::model::id::FileId;
-use crate::model::texture_file::TextureReach;
 use crate::options::{Pieces, TextureFiles};
 use crate::passes::ResumePoint;
 use crate::plan::memory;
@@ -183,8 +182,7 @@ impl Reading<'_> {
     fn textures(&self, catalogue: &Catalogue) -> Result<Vec<Source>> {
         let brings_outside = self.job.brings_outside();
         let (named, known) = (write::named_textures(catalogue, brings_outside), Contents::default());
-        let reach = TextureReach::of(catalogue, brings_outside);
-        let baked = if self.job.options.bakes() { baked_images(catalogue, &reach) } else { Vec::new() };
+        let baked = if self.job.options.bakes() { baked_images(self.job, catalogue) } else { Vec::new() };
         let mut sources = Vec::with_capacity(named.len() + baked.len());
         let source_of = |texture: TextureSource| {
             self.progress.check_stopped()?;

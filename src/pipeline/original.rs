@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::preflight::Preflight;
 #[cfg(feature = "images")]
 use crate::bake::{self, OriginalSurface};
 #[cfg(feature = "images")]
@@ -11,6 +12,7 @@ use crate::base::Result;
 use crate::image::textures::TextureImages;
 use crate::job::{StepKey, WorkFolder};
 use crate::model::Catalogue;
+#[cfg(feature = "images")]
 use crate::model::texture_file::TextureReach;
 
 /// Steps whose files stay until textures are baked.
@@ -35,15 +37,20 @@ pub(super) fn has_original(_work: &WorkFolder) -> Result<bool> {
     Ok(true)
 }
 
-/// The image files whose texels new textures show.
+/// The images of the input that new textures may show; notes those that are missing or refused.
 #[cfg(feature = "images")]
-pub(super) fn baked_images(catalogue: &Catalogue, reach: &TextureReach) -> Vec<PathBuf> {
-    let images = TextureImages::find(catalogue, reach, &mut Findings::default());
-    images.files.into_iter().map(|file| file.path).collect()
+pub(super) fn find_images(job: &Preflight<'_>, catalogue: &Catalogue, findings: &mut Findings) -> TextureImages {
+    TextureImages::find(catalogue, &TextureReach::of(catalogue, job.brings_outside()), findings)
 }
 
-/// The image files whose texels new textures show: none.
+/// The files of these images.
+#[cfg(feature = "images")]
+pub(super) fn baked_images(job: &Preflight<'_>, catalogue: &Catalogue) -> Vec<PathBuf> {
+    find_images(job, catalogue, &mut Findings::default()).files.into_iter().map(|file| file.path).collect()
+}
+
+/// The files of the images that new textures may show: none.
 #[cfg(not(feature = "images"))]
-pub(super) fn baked_images(_: &Catalogue, _: &TextureReach) -> Vec<PathBuf> {
+pub(super) fn baked_images(_: &Preflight<'_>, _: &Catalogue) -> Vec<PathBuf> {
     Vec::new()
 }

@@ -2,13 +2,13 @@
 
 use super::admission::Admission;
 use super::input::Input;
+use super::original::find_images;
 use super::paths::OutputKind;
 use super::preflight::Preflight;
 use crate::bake::{self, BakePlace, BakeSettings, BakeSize, OriginalSurface, Unbaked};
 use crate::base::{Error, Findings, Progress, Result, WorkLimits, bytes};
 use crate::image::textures::TextureImages;
 use crate::job::{StepKey, WorkFolder};
-use crate::model::texture_file::TextureReach;
 use crate::model::{Catalogue, StoredMesh};
 use crate::passes::{Passes, ResumePoint};
 use crate::report::BakeFigures;
@@ -78,9 +78,8 @@ impl<'a> Texturing<'a> {
             );
             return Err(Error::Budget { needed: Some(needed), message });
         }
-        let reach = TextureReach::of(&input.catalogue, job.brings_outside());
         let mut findings = Findings::default();
-        let mut images = TextureImages::find(&input.catalogue, &reach, &mut findings);
+        let mut images = find_images(job, &input.catalogue, &mut findings);
         let geometry = bake::geometry_catalogue(&input.catalogue, &images);
         images.add_plain_colours(&input.catalogue);
         let surface = match start.unsimplified() {

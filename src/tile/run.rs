@@ -149,13 +149,13 @@ impl Pyramid<'_> {
         let (true, Some(finest)) = (self.settings.has_colour, levels.first()) else { return Ok(()) };
         let texels = self.triangles(finest, 0).texels(progress)?;
         let repeats = texels > REPEATED * self.original.image_pixels();
-        let why = if repeats { ", since texture coordinates repeat images," } else { "" };
+        let why = if repeats { ", since texture coordinates repeat images" } else { "" };
         match system::free_disk_bytes(work.path()) {
             Ok(free) if texels * RAW_TEXEL_BYTES > free as f64 => Err(Error::NoSpace {
                 path: work.path().to_owned(),
                 message: format!(
-                    "level 0 would have about {:.1} million texels{why} and {} are free; simplify with `textures: bake` \
-                     and fewer `texels` first, and tile the result",
+                    "level 0 would have about {:.1} million texels{why}; {} are free: simplify with `textures: bake` and \
+                     fewer `texels` first, and tile the result",
                     texels / 1e6,
                     bytes::display(free),
                 ),

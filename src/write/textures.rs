@@ -212,16 +212,11 @@ impl TextureStage {
     /// If it only cannot be read at present: a texture is not left out because of a temporary error.
     fn leave_out(&mut self, mtl_folder: &Path, name: &[u8], why: Unusable, advice: &str) -> Result<LeftOut> {
         self.left_out.extend(place_of(mtl_folder, name));
+        why.note(mtl_folder, name, advice, &mut self.findings);
         match why {
             Unusable::Missing(path, error) if is_of_machine(&error) => Err(Error::io(&path, "read", error)),
-            Unusable::Missing(..) | Unusable::NoFile(_) => {
-                why.note(mtl_folder, name, advice, &mut self.findings);
-                Ok(LeftOut::Missing)
-            }
-            Unusable::Refused(_) => {
-                why.note(mtl_folder, name, advice, &mut self.findings);
-                Ok(LeftOut::Refused)
-            }
+            Unusable::Missing(..) | Unusable::NoFile(_) => Ok(LeftOut::Missing),
+            Unusable::Refused(_) => Ok(LeftOut::Refused),
         }
     }
 

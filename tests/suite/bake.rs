@@ -187,10 +187,10 @@ fn an_image_that_repeats_is_read_at_each_place() {
     assert!(either(0, 10.0, 220.0) && either(2, 10.0, 200.0), "{found:?}");
 }
 
-/// A square in `in/in.obj` that shows `statement` where that is an image, and grey otherwise.
-fn square_that_names(root: &Path, statement: &str) {
+/// A square in `in/in.obj` that shows the image of this name if it may, and grey otherwise.
+fn square_that_names(root: &Path, name: &str) {
     fs::create_dir(root.join("in")).unwrap();
-    fs::write(root.join("in/a.mtl"), format!("newmtl a\nKd 0.2 0.2 0.2\nmap_Kd {statement}\n")).unwrap();
+    fs::write(root.join("in/a.mtl"), format!("newmtl a\nKd 0.2 0.2 0.2\nmap_Kd {name}\n")).unwrap();
     fs::write(root.join("in/in.obj"), row(&["usemtl a"], &[], WHOLE)).unwrap();
 }
 
@@ -200,10 +200,11 @@ fn images_outside_of_the_folder_are_baked_where_the_user_allows_it() {
     let root = folder.path().canonicalize().unwrap();
     let image = image::RgbImage::from_pixel(32, 32, image::Rgb([200, 30, 10]));
     image.save(root.join("private.png")).unwrap();
-    for (number, name) in ["../private.png", &root.join("private.png").to_string_lossy()].into_iter().enumerate() {
+    let absolute = root.join("private.png");
+    for (number, name) in ["../../private.png", absolute.to_str().unwrap()].into_iter().enumerate() {
         let root = root.join(number.to_string());
         fs::create_dir(&root).unwrap();
-        square_that_names(&root, &if number == 0 { format!("../{name}") } else { name.to_owned() });
+        square_that_names(&root, name);
         for textures_outside in [TexturesOutside::Refer, TexturesOutside::Copy] {
             let is_read = textures_outside == TexturesOutside::Copy;
             let refused = |warnings: &[String]| warnings.iter().any(|words| words.starts_with("refused texture"));
